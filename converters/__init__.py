@@ -1,0 +1,25 @@
+"""From GT-Bezier shapes to B-splines, kernels, files and hosts; imported as ``gtcad.converters``."""
+
+from __future__ import annotations
+
+if __name__ != "gtcad.converters":
+    raise ImportError(f"imported as {__name__!r}; import it as 'gtcad.converters'")
+
+from gtcad._lazy import lazy_names
+
+__getattr__, __dir__, __all__ = lazy_names(
+    __name__,
+    {
+        "BSplineCurve": "bspline",
+        "BSplineSurface": "bspline",
+        "Fit": "fit",
+        "fit_curve": "fit",
+        "fit_surface": "fit",
+        "read_brep": "brep",
+        "read_iges": "iges",
+        "read_step": "step",
+        "write_brep": "brep",
+        "write_iges": "iges",
+        "write_step": "step",
+    },
+)

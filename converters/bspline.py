@@ -1,0 +1,236 @@
+"""B-spline curves and surfaces as plain arrays: what a fit returns, what an exchange file holds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gtcad.errors import InputError
+
+Array = NDArray[np.float64]
+MAX_DEGREE = 25  # OCCT's limit
+
+
+def _points(name: str, value: ArrayLike, ndim: int) -> Array:
+    points = np.array(value, dtype=np.float64)
+    if points.ndim != ndim or points.shape[-1] not in (2, 3):
+        wanted = "(n, d)" if ndim == 2 else "(nu, nv, d)"
+        raise InputError(f"{name} must have shape {wanted} with d = 2 or 3, got {points.shape}")
+    if not np.isfinite(points).all():
+        raise InputError(f"{name} must be finite, got {points[~np.isfinite(points)][0]}")
+    points.flags.writeable = False
+    return points
+
+
+def _weights(value: ArrayLike | None, shape: tuple[int, ...]) -> Array | None:
+    if value is None:
+        return None
+    weights = np.array(value, dtype=np.float64)
+    if weights.shape != shape:
+        raise InputError(f"weights must have shape {shape}, got {weights.shape}")
+    if not (np.isfinite(weights).all() and (weights > 0).all()):
+        raise InputError(f"weights must be positive and finite, got {weights.min()} to {weights.max()}")
+    weights.flags.writeable = False
+    return weights
+
+
+def _knots(
+    name: str, knots: ArrayLike, multiplicities: Sequence[int] | NDArray[np.int_], degree: int, count: int
+) -> tuple[Array, tuple[int, ...]]:
+    values = np.array(knots, dtype=np.float64)
+    counts = tuple(int(m) for m in multiplicities)
+    if values.ndim != 1 or len(values) < 2 or len(values) != len(counts):
+        raise InputError(f"{name} needs one multiplicity for each of at least two knots, got {values.shape} knots and {len(counts)} multiplicities")
+    if not np.isfinite(values).all() or (np.diff(values) <= 0).any():
+        raise InputError(f"{name} must be finite and strictly increasing, got {values.tolist()}")
+    if not 1 <= degree <= MAX_DEGREE:
+        raise InputError(f"degree must lie in [1, {MAX_DEGREE}], got {degree}")
+    if counts[0] != degree + 1 or counts[-1] != degree + 1:
+        raise InputError(f"{name} must be clamped: end multiplicities {degree + 1}, got {counts[0]} and {counts[-1]}")
+    if any(not 1 <= m <= degree for m in counts[1:-1]):
+        raise InputError(f"{name}: interior multiplicities must lie in [1, {degree}], got {counts[1:-1]}")
+    if sum(counts) != count + degree + 1:
+        raise InputError(f"{name}: multiplicities must add up to {count} poles + degree + 1 = {count + degree + 1}, got {sum(counts)}")
+    values.flags.writeable = False
+    return values, counts
+
+
+@dataclass(frozen=True, eq=False)
+class BSplineCurve:
+    """A clamped, non-periodic B-spline curve, rational when it has weights.
+
+    Parameters
+    ----------
+    control_points
+        Shape (n, d), d = 2 or 3.
+    knots
+        Distinct knots, strictly increasing.
+    multiplicities
+        One for each knot; degree + 1 at both ends.
+    degree
+        1 to 25.
+    weights
+        Shape (n,), positive, or None.
+
+    Raises
+    ------
+    InputError
+        When the arrays do not describe such a curve.
+
+    Examples
+    --------
+    >>> BSplineCurve([[0, 0], [1, 2], [2, 0]], [0, 1], [3, 3], 2).evaluate(0.5)
+    array([1., 1.])
+    """
+
+    control_points: Array
+    knots: Array
+    multiplicities: tuple[int, ...]
+    degree: int
+    weights: Array | None = None
+
+    def __init__(
+        self,
+        control_points: ArrayLike,
+        knots: ArrayLike,
+        multiplicities: Sequence[int] | NDArray[np.int_],
+        degree: int,
+        weights: ArrayLike | None = None,
+    ) -> None:
+        points = _points("control_points", control_points, 2)
+        values, counts = _knots("knots", knots, multiplicities, degree, len(points))
+        object.__setattr__(self, "control_points", points)
+        object.__setattr__(self, "knots", values)
+        object.__setattr__(self, "multiplicities", counts)
+        object.__setattr__(self, "degree", int(degree))
+        object.__setattr__(self, "weights", _weights(weights, points.shape[:1]))
+
+    @property
+    def dimension(self) -> int:
+        """Space dimension d."""
+        return int(self.control_points.shape[-1])
+
+    @property
+    def flat_knots(self) -> Array:
+        """Each knot repeated by its multiplicity, shape (n + degree + 1,)."""
+        return np.repeat(self.knots, self.multiplicities)
+
+    @property
+    def homogeneous(self) -> Array:
+        """Control points times weight, then the weight: shape (n, d + 1); just the control points without weights."""
+        return _homogeneous(self.control_points, self.weights)
+
+    def evaluate(self, t: ArrayLike) -> Array:
+        """Points at the parameters t, shape t.shape + (d,)."""
+        from scipy.interpolate import BSpline
+
+        values = BSpline(self.flat_knots, self.homogeneous, self.degree)(np.asarray(t, dtype=np.float64))
+        return _project(np.asarray(values), self.weights)
+
+
+@dataclass(frozen=True, eq=False)
+class BSplineSurface:
+    """A clamped, non-periodic tensor-product B-spline surface, rational when it has weights.
+
+    Parameters
+    ----------
+    control_points
+        Shape (nu, nv, d), d = 2 or 3.
+    knots_u, knots_v
+        Distinct knots, strictly increasing.
+    multiplicities_u, multiplicities_v
+        One for each knot; degree + 1 at both ends.
+    degree_u, degree_v
+        1 to 25.
+    weights
+        Shape (nu, nv), positive, or None.
+
+    Raises
+    ------
+    InputError
+        When the arrays do not describe such a surface.
+    """
+
+    control_points: Array
+    knots_u: Array
+    multiplicities_u: tuple[int, ...]
+    degree_u: int
+    knots_v: Array
+    multiplicities_v: tuple[int, ...]
+    degree_v: int
+    weights: Array | None = None
+
+    def __init__(
+        self,
+        control_points: ArrayLike,
+        knots_u: ArrayLike,
+        multiplicities_u: Sequence[int] | NDArray[np.int_],
+        degree_u: int,
+        knots_v: ArrayLike,
+        multiplicities_v: Sequence[int] | NDArray[np.int_],
+        degree_v: int,
+        weights: ArrayLike | None = None,
+    ) -> None:
+        points = _points("control_points", control_points, 3)
+        values_u, counts_u = _knots("knots_u", knots_u, multiplicities_u, degree_u, points.shape[0])
+        values_v, counts_v = _knots("knots_v", knots_v, multiplicities_v, degree_v, points.shape[1])
+        object.__setattr__(self, "control_points", points)
+        object.__setattr__(self, "knots_u", values_u)
+        object.__setattr__(self, "multiplicities_u", counts_u)
+        object.__setattr__(self, "degree_u", int(degree_u))
+        object.__setattr__(self, "knots_v", values_v)
+        object.__setattr__(self, "multiplicities_v", counts_v)
+        object.__setattr__(self, "degree_v", int(degree_v))
+        object.__setattr__(self, "weights", _weights(weights, points.shape[:2]))
+
+    @property
+    def dimension(self) -> int:
+        """Space dimension d."""
+        return int(self.control_points.shape[-1])
+
+    @property
+    def flat_knots_u(self) -> Array:
+        """Each u knot repeated by its multiplicity, shape (nu + degree_u + 1,)."""
+        return np.repeat(self.knots_u, self.multiplicities_u)
+
+    @property
+    def flat_knots_v(self) -> Array:
+        """Each v knot repeated by its multiplicity, shape (nv + degree_v + 1,)."""
+        return np.repeat(self.knots_v, self.multiplicities_v)
+
+    @property
+    def homogeneous(self) -> Array:
+        """Control points times weight, then the weight: shape (nu, nv, d + 1); just the control points without weights."""
+        return _homogeneous(self.control_points, self.weights)
+
+    def evaluate(self, u: ArrayLike, v: ArrayLike) -> Array:
+        """Points at the parameters (u, v), which broadcast: shape broadcast(u, v).shape + (d,)."""
+        from scipy.interpolate import NdBSpline
+
+        u, v = np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64))
+        spline = NdBSpline((self.flat_knots_u, self.flat_knots_v), self.homogeneous, (self.degree_u, self.degree_v))
+        return _project(np.asarray(spline(np.stack([u, v], axis=-1))), self.weights)
+
+    def boundary(self, side: str) -> BSplineCurve:
+        """The isoparametric curve of one side, "u0", "u1" (constant u), "v0" or "v1" (constant v): its own poles."""
+        if side not in ("u0", "u1", "v0", "v1"):
+            raise InputError(f'side must be "u0", "u1", "v0" or "v1", got {side!r}')
+        row = 0 if side[1] == "0" else -1
+        if side[0] == "u":
+            weights = None if self.weights is None else self.weights[row]
+            return BSplineCurve(self.control_points[row], self.knots_v, self.multiplicities_v, self.degree_v, weights)
+        weights = None if self.weights is None else self.weights[:, row]
+        return BSplineCurve(self.control_points[:, row], self.knots_u, self.multiplicities_u, self.degree_u, weights)
+
+
+def _homogeneous(points: Array, weights: Array | None) -> Array:
+    if weights is None:
+        return points
+    return np.concatenate([points * weights[..., None], weights[..., None]], axis=-1)
+
+
+def _project(values: Array, weights: Array | None) -> Array:
+    return values if weights is None else values[..., :-1] / values[..., -1:]

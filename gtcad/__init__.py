@@ -1,0 +1,46 @@
+"""Generalized trigonometric Bezier curves and surfaces, and their way into CAD with a proved tolerance.
+
+``import gtcad`` stays cheap: the names below are imported when they are first used.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gtcad._lazy import lazy_names
+
+if TYPE_CHECKING:
+    from gtcad import converters as converters
+    from gtcad import differential as differential
+    from gtcad import measure as measure
+    from gtcad.basis import BERNSTEIN as BERNSTEIN
+    from gtcad.basis import GT as GT
+    from gtcad.basis import Basis as Basis
+    from gtcad.basis import Family as Family
+    from gtcad.curve import Curve as Curve
+    from gtcad.errors import GtcadError as GtcadError
+    from gtcad.model import dump_model as dump_model
+    from gtcad.model import load_model as load_model
+    from gtcad.restricted import Restricted as Restricted
+    from gtcad.surface import Surface as Surface
+
+__version__ = "0.1.0"
+
+__getattr__, __dir__, __all__ = lazy_names(
+    __name__,
+    {
+        "BERNSTEIN": "basis",
+        "GT": "basis",
+        "Basis": "basis",
+        "Curve": "curve",
+        "Family": "basis",
+        "GtcadError": "errors",
+        "Restricted": "restricted",
+        "Surface": "surface",
+        "converters": "converters",
+        "differential": "differential",
+        "dump_model": "model",
+        "load_model": "model",
+        "measure": "measure",
+    },
+)

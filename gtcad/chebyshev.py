@@ -1,0 +1,192 @@
+"""Chebyshev series on a span, their tails, and rigorous maxima of vector series in one and two variables.
+
+On a span [m - h, m + h] with z in [-1, 1], a function is written as ``sum_k c_k T_k(z)`` plus a bounded tail. The
+series used here is the interpolant at the zeros of T_K: for ``f = p + r`` with p a polynomial of degree below K and
+``|r| <= rho`` its distance from f is at most ``(1 + L) rho``, L the Lebesgue constant of the nodes. For sin and cos,
+rho follows from the Jacobi-Anger expansion and ``|J_k(b)| <= (b/2)^k / k!``.
+
+References
+----------
+H. Ehlich, K. Zeller, Schwankung von Polynomen zwischen Gitterpunkten, Math. Z. 86 (1964) 41-44.
+L. N. Trefethen, Approximation Theory and Approximation Practice, SIAM 2013, chapters 15 and 16.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+UNIT_ROUNDOFF = 2.0**-53
+_VALUES_AT_ONCE = 400_000  # floats in one block of samples: stays in cache, bounds the memory
+
+
+@lru_cache(maxsize=128)
+def nodes(count: int) -> Array:
+    """Zeros of T_count in ascending order, shape (count,)."""
+    z = -np.cos(np.pi * (np.arange(count) + 0.5) / count)
+    z = (z - z[::-1]) / 2  # exactly symmetric
+    z.flags.writeable = False
+    return z
+
+
+@lru_cache(maxsize=128)
+def transform(count: int) -> Array:
+    """Matrix from values at ``nodes(count)`` to the coefficients of the interpolant, shape (count, count)."""
+    matrix = evaluation(count, count).T * (2.0 / count)
+    matrix[0] /= 2
+    matrix.flags.writeable = False
+    return matrix
+
+
+@lru_cache(maxsize=512)
+def evaluation(count: int, degree_count: int) -> Array:
+    """Values T_k at ``nodes(count)``, shape (count, degree_count)."""
+    angle = np.pi * (count - 0.5 - np.arange(count)) / count
+    matrix = np.cos(np.outer(angle, np.arange(degree_count)))
+    matrix.flags.writeable = False
+    return matrix
+
+
+def lebesgue(count: int) -> float:
+    """Bound of the Lebesgue constant of interpolation at ``nodes(count)``: 1 + (2/pi) ln(count)."""
+    return 1.0 + 2.0 / math.pi * math.log(count)
+
+
+def sine_tail(argument: float, degree: int) -> float:
+    """Distance of ``cos(w (m + h z) + phase)`` from the polynomials of the degree, at most, on [-1, 1].
+
+    ``2 sum_{k > degree} (b/2)^k / k!`` with ``b = w h``, the sum bounded by a geometric series.
+
+    Parameters
+    ----------
+    argument
+        b = w h >= 0.
+    degree
+        Degree of the polynomial part, >= 0; infinite when the bound does not converge yet.
+    """
+    half = argument / 2
+    if half == 0:
+        return 0.0
+    first = degree + 1
+    if first < 1 or half >= first + 1:
+        return math.inf
+    term = math.exp(first * math.log(half) - math.lgamma(first + 1))
+    return 2.0 * term / (1.0 - half / (first + 1)) * (1 + 1e-12)
+
+
+@dataclass(frozen=True)
+class Maximum:
+    """Two-sided bound of the largest norm of a family of vector series.
+
+    Attributes
+    ----------
+    lower, upper
+        ``lower <= max |q| <= upper``; lower is attained at the sample below.
+    index
+        Which series of the family the sample belongs to.
+    place
+        Local coordinates z in [-1, 1] of the sample, one for each variable.
+    """
+
+    lower: float
+    upper: float
+    index: int
+    place: tuple[float, ...]
+
+
+def maximum(coefficients: Array, *, rtol: float = 0.01) -> Maximum:
+    """Rigorous maximum of ``|q_b(z)|`` over all series b of a family and z in [-1, 1] (or the square).
+
+    A family of B series in one variable has shape (B, K, d), in two variables (B, K, L, d). Series whose sum of
+    coefficient norms cannot reach the largest sample are put aside; the others are sampled at M zeros of T_M and
+    bounded by Ehlich and Zeller: ``max |q| <= max_k |q(z_k)| / cos(pi K / 2 M)``, one factor for each variable, for
+    the part of degree K that matters, plus the norms of the coefficients beyond.
+
+    Parameters
+    ----------
+    coefficients
+        Finite, shape (B, K, d) or (B, K, L, d).
+    rtol
+        Wanted ``upper / lower - 1``, above 0.
+
+    Returns
+    -------
+    Maximum
+        With ``upper <= (1 + rtol) lower``, up to rounding.
+    """
+    variables = coefficients.ndim - 2
+    degrees = tuple(size - 1 for size in coefficients.shape[1:-1])
+    norms = _norms(coefficients)
+    quick = norms.reshape(len(norms), -1).sum(axis=1)
+    best = Maximum(0.0, 0.0, 0, (0.0,) * variables)
+    settled = 0.0
+    active = np.argsort(-quick)
+    for ratio in (2.0, _node_ratio(rtol / 2, variables)):
+        active = active[quick[active] > (1 + rtol) * best.lower]
+        kept = _effective_degrees(norms[active], degrees, rtol / 4 * max(best.lower, quick.max() / 4))
+        shape = tuple(math.ceil(ratio * max(k, 1)) + 1 for k in kept)
+        factor = math.prod(1 / math.cos(math.pi * k / (2 * m)) for k, m in zip(kept, shape, strict=True))
+        head = coefficients[active][(slice(None), *(slice(0, k + 1) for k in kept))]
+        beyond = quick[active] - _head_sum(norms[active], kept)
+        block = max(1, _VALUES_AT_ONCE // (math.prod(shape) * coefficients.shape[-1]))
+        bounds = quick[active]
+        for start in range(0, len(active), block):
+            if bounds[start] <= (1 + rtol) * best.lower:
+                break  # sorted: no later one can matter
+            part = slice(start, start + block)
+            samples = _norms(_sample(head[part], shape)).reshape(len(head[part]), -1)
+            where = samples.argmax(axis=1)
+            peaks = samples[np.arange(len(where)), where]
+            bounds[part] = np.minimum(bounds[part], peaks * factor + beyond[part])
+            first = int((peaks - beyond[part]).argmax())
+            lower = float(peaks[first] - beyond[start + first])
+            if lower > best.lower:
+                place = np.unravel_index(int(where[first]), shape)
+                z = tuple(float(nodes(m)[k]) for m, k in zip(shape, place, strict=True))
+                best = Maximum(lower, 0.0, int(active[start + first]), z)
+        quick = quick.copy()
+        quick[active] = bounds
+        active = active[np.argsort(-bounds)]
+    settled = float(quick.max(initial=0.0))
+    return Maximum(best.lower * (1 - 1e-12), settled * (1 + 1e-12), best.index, best.place)
+
+
+def _norms(vectors: Array) -> Array:
+    return np.sqrt(np.einsum("...d,...d->...", vectors, vectors))
+
+
+def _node_ratio(rtol: float, variables: int) -> float:
+    """M / K for which the Ehlich-Zeller factors of all variables together are at most 1 + rtol."""
+    return math.pi / 2 / math.acos((1 + rtol) ** (-1 / variables))
+
+
+def _effective_degrees(norms: Array, degrees: tuple[int, ...], allowance: float) -> tuple[int, ...]:
+    """Least degree in each variable beyond which every series' coefficient norms sum to at most the allowance."""
+    kept = []
+    for axis, degree in enumerate(degrees):
+        others = tuple(a for a in range(1, norms.ndim) if a != axis + 1)
+        tails = norms.sum(axis=others)[:, ::-1].cumsum(axis=1)[:, ::-1].max(axis=0, initial=0.0)
+        beyond = np.flatnonzero(tails > allowance / len(degrees))
+        kept.append(int(beyond[-1]) if len(beyond) else 0)
+        assert kept[-1] <= degree
+    return tuple(kept)
+
+
+def _head_sum(norms: Array, kept: tuple[int, ...]) -> Array:
+    head = norms[(slice(None), *(slice(0, k + 1) for k in kept))]
+    return np.asarray(head.reshape(len(norms), -1).sum(axis=1))
+
+
+def _sample(coefficients: Array, shape: tuple[int, ...]) -> Array:
+    """Values on the tensor grid of Chebyshev zeros, shape (B, *shape, d)."""
+    values = evaluation(shape[0], coefficients.shape[1]) @ coefficients.reshape(*coefficients.shape[:2], -1)
+    if len(shape) == 1:
+        return values
+    values = values.reshape(-1, *coefficients.shape[2:])
+    return (evaluation(shape[1], coefficients.shape[2]) @ values).reshape(len(coefficients), *shape, -1)

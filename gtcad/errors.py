@@ -1,0 +1,98 @@
+"""Every error of gtcad: each is a GtcadError and also the fitting built-in, and carries its numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+class GtcadError(Exception):
+    """Base of every error that gtcad raises on purpose."""
+
+
+class InputError(GtcadError, ValueError):
+    """An argument is out of its range or of the wrong shape; the message says what was given and what is allowed."""
+
+
+class ModelError(GtcadError, ValueError):
+    """A model file is wrong.
+
+    Parameters
+    ----------
+    path
+        The file, as the caller named it.
+    problems
+        One line for each problem found: where it stands (shape, field), what was given, what is allowed.
+    """
+
+    def __init__(self, path: str, problems: Sequence[str]) -> None:
+        self.path = path
+        self.problems = tuple(problems)
+        super().__init__("\n".join(f"{path}: {problem}" for problem in self.problems))
+
+
+class FileError(GtcadError, OSError):
+    """A file is missing, unreadable, or not what its name says.
+
+    Parameters
+    ----------
+    path
+        The file, as the caller named it.
+    reason
+        What is wrong with it.
+    """
+
+    def __init__(self, path: str, reason: str) -> None:
+        self.path = path
+        self.reason = reason
+        super().__init__(f"{path}: {reason}")
+
+
+class ToleranceNotMet(GtcadError, ArithmeticError):
+    """No spline within the limits keeps the tolerance.
+
+    Parameters
+    ----------
+    requested
+        The tolerance that was asked for.
+    achieved
+        The least proved deviation that was reached.
+    spans
+        The number of spans (curve) or of rectangles (surface) it was reached with.
+    limit
+        What stood in the way, for the message.
+    """
+
+    def __init__(self, requested: float, achieved: float, spans: int, limit: str) -> None:
+        self.requested = requested
+        self.achieved = achieved
+        self.spans = spans
+        super().__init__(
+            f"tolerance {requested:.3g} not met: {achieved:.3g} proved with {spans} spans; {limit}"
+        )
+
+
+class ToleranceBelowPrecision(GtcadError, ValueError):
+    """The tolerance is finer than double precision allows for coordinates of this size.
+
+    Parameters
+    ----------
+    requested
+        The tolerance that was asked for.
+    floor
+        The least tolerance that can be proved for this piece.
+    """
+
+    def __init__(self, requested: float, floor: float) -> None:
+        self.requested = requested
+        self.floor = floor
+        super().__init__(
+            f"tolerance {requested:.3g} is below {floor:.3g}, the least that double precision allows for this piece"
+        )
+
+
+class KernelError(GtcadError, RuntimeError):
+    """The CAD kernel refused or broke something that was valid on our side."""
+
+
+class KernelMissing(GtcadError, ImportError):
+    """No usable CAD kernel is installed; the message says how to get one."""
