@@ -214,6 +214,19 @@ class BSplineSurface:
         spline = NdBSpline((self.flat_knots_u, self.flat_knots_v), self.homogeneous, (self.degree_u, self.degree_v))
         return _project(np.asarray(spline(np.stack([u, v], axis=-1))), self.weights)
 
+    def with_control_points(self, control_points: ArrayLike) -> BSplineSurface:
+        """The surface over the same knots and weights with other control points."""
+        return BSplineSurface(
+            control_points,
+            self.knots_u,
+            self.multiplicities_u,
+            self.degree_u,
+            self.knots_v,
+            self.multiplicities_v,
+            self.degree_v,
+            self.weights,
+        )
+
     def boundary(self, side: str) -> BSplineCurve:
         """The isoparametric curve of one side, "u0", "u1" (constant u), "v0" or "v1" (constant v): its own poles."""
         if side not in ("u0", "u1", "v0", "v1"):

@@ -111,9 +111,9 @@ class _GeneralizedTrigonometric(Family):
 
     @property
     def rounding(self) -> float:
-        # s and c: 4 units from the function, 4 from the argument; phi_0 and phi_2 take that at most 3 times, and
-        # two roundings of values up to 2; phi_1 takes each at most 4 times, and six roundings
-        return 2 * (3 * 8 + 4) * UNIT_ROUNDOFF + (2 * 4 * 8 + 8) * UNIT_ROUNDOFF
+        # s and c: 4 units from the function, 4 from the argument. phi_0 and phi_2 change at most twice as fast as s
+        # and c do, phi_1 four times; the roundings of the products themselves: 4, 4 and 8 units
+        return (2 * (2 * 8 + 4) + (4 * 8 + 8)) * UNIT_ROUNDOFF
 
 
 class _Bernstein(Family):
@@ -287,8 +287,13 @@ class Basis:
         return (1 + lebesgue(count)) * self.family.tail(self.gamma, half_width, degree)
 
     @property
+    def bound(self) -> float:
+        """Bound of ``sum_i |f_i|``: the functions are non-negative and sum to 1."""
+        return 1.0
+
+    @property
     def rounding(self) -> float:
-        """Bound of the rounding errors of ``sum_i f_i`` as ``evaluate`` computes them."""
+        """Bound of the rounding errors of ``sum_i |computed f_i - f_i|`` in ``evaluate``."""
         # powers, binomial and products: relative 2 N + 10 units; the products with phi_j and their sum: 4 more
         polynomial_degree = self.degree - self.family.blending_degree
         return (2 * polynomial_degree + 14) * UNIT_ROUNDOFF + self.family.rounding

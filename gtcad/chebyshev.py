@@ -123,17 +123,19 @@ def maximum(coefficients: Array, *, rtol: float = 0.01) -> Maximum:
     variables = coefficients.ndim - 2
     degrees = tuple(size - 1 for size in coefficients.shape[1:-1])
     norms = _norms(coefficients)
-    quick = norms.reshape(len(norms), -1).sum(axis=1)
+    totals = norms.reshape(len(norms), -1).sum(axis=1)
+    quick = totals.copy()
     best = Maximum(0.0, 0.0, 0, (0.0,) * variables)
-    settled = 0.0
     active = np.argsort(-quick)
     for ratio in (2.0, _node_ratio(rtol / 2, variables)):
         active = active[quick[active] > (1 + rtol) * best.lower]
+        if not active.size:
+            break
         kept = _effective_degrees(norms[active], degrees, rtol / 4 * max(best.lower, quick.max() / 4))
         shape = tuple(math.ceil(ratio * max(k, 1)) + 1 for k in kept)
         factor = math.prod(1 / math.cos(math.pi * k / (2 * m)) for k, m in zip(kept, shape, strict=True))
         head = coefficients[active][(slice(None), *(slice(0, k + 1) for k in kept))]
-        beyond = quick[active] - _head_sum(norms[active], kept)
+        beyond = totals[active] - _head_sum(norms[active], kept)
         block = max(1, _VALUES_AT_ONCE // (math.prod(shape) * coefficients.shape[-1]))
         bounds = quick[active]
         for start in range(0, len(active), block):
@@ -150,7 +152,6 @@ def maximum(coefficients: Array, *, rtol: float = 0.01) -> Maximum:
                 place = np.unravel_index(int(where[first]), shape)
                 z = tuple(float(nodes(m)[k]) for m, k in zip(shape, place, strict=True))
                 best = Maximum(lower, 0.0, int(active[start + first]), z)
-        quick = quick.copy()
         quick[active] = bounds
         active = active[np.argsort(-bounds)]
     settled = float(quick.max(initial=0.0))

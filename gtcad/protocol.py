@@ -50,9 +50,27 @@ class Factors(Protocol):
         ...
 
     @property
-    def rounding(self) -> float:
-        """Bound of the rounding errors of ``sum_i F_i`` in ``rows`` of order 0."""
+    def bound(self) -> float:
+        """Bound of ``sum_i |F_i|``."""
         ...
+
+    @property
+    def rounding(self) -> float:
+        """Bound of ``sum_i |computed F_i - F_i|`` in ``rows`` of order 0."""
+        ...
+
+
+class KeyedFactors:
+    """Factors compared by their key: an argument of functions that are cached."""
+
+    def __init__(self, factors: Factors) -> None:
+        self.factors = factors
+
+    def __hash__(self) -> int:
+        return hash(self.factors.key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, KeyedFactors) and self.factors.key == other.factors.key
 
 
 @dataclass(frozen=True)
@@ -83,6 +101,11 @@ class RestrictedFactors:
         return self.base.interpolation_tail(half_width * abs(self.end - self.start), count)
 
     @property
+    def bound(self) -> float:
+        """Bound of the sum of their absolute values."""
+        return self.base.bound
+
+    @property
     def rounding(self) -> float:
         """Bound of the rounding errors."""
         return self.base.rounding
@@ -111,6 +134,11 @@ class Stacked:
     def interpolation_tail(self, half_width: float, count: int) -> float:
         """Bound of the distance to the interpolant."""
         return sum(part.interpolation_tail(half_width, count) for part in self.parts)
+
+    @property
+    def bound(self) -> float:
+        """Bound of the sum of their absolute values."""
+        return sum(part.bound for part in self.parts)
 
     @property
     def rounding(self) -> float:

@@ -1,0 +1,1 @@
+"""The CAD kernel: the only place in the project that imports OCP."""

@@ -1,0 +1,256 @@
+"""Proved two-sided deviation of a B-spline from a separable shape.
+
+On every knot span the difference of shape and spline is a polynomial, known by its values at Chebyshev zeros, plus a
+tail: ``|shape - spline| <= max |polynomial| + tail + rounding``. The maximum is bounded rigorously by
+``gtcad.chebyshev.maximum``, the tail by the shape's factors, the rounding by counting operations. The spline is
+taken as it stands: nothing here relies on how it was made.
+
+For rational splines, and for shapes followed through a parameter map that makes them rational, the numerator of the
+difference is bounded and divided by the least denominator of the span.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtcad.chebyshev import UNIT_ROUNDOFF, Maximum, lebesgue, maximum, nodes, transform
+from gtcad.converters.bspline import BSplineCurve, BSplineSurface
+from gtcad.converters.exact import IDENTITY, MappedFactors, ParameterMap
+from gtcad.converters.spline_basis import Knots, local_values
+from gtcad.errors import InputError
+from gtcad.protocol import Factors, KeyedFactors, SeparableCurve, SeparableSurface
+
+Array = NDArray[np.float64]
+
+_MAX_NODES = 192
+_PARTS = 4
+_BLOCK = 3_000_000  # floats in one block of differences: bounds the memory
+_NEGLIGIBLE = 4 * UNIT_ROUNDOFF
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What was proved of the deviation ``max |shape(t) - spline(t)|`` at equal (or mapped) parameters.
+
+    Attributes
+    ----------
+    lower, upper
+        ``lower <= deviation <= upper``, in the shape's unit; upper includes tails and rounding and also bounds the
+        distance of the two point sets, either way.
+    place
+        The shape's parameters where the lower bound is attained: (t,) or (u, v).
+    """
+
+    lower: float
+    upper: float
+    place: tuple[float, ...]
+
+
+def certify_curve(
+    curve: SeparableCurve, spline: BSplineCurve, *, parameter_map: ParameterMap = IDENTITY, rtol: float = 0.01
+) -> Certificate:
+    """Prove how far the spline is from the curve.
+
+    Parameters
+    ----------
+    curve
+        Any curve of the protocol.
+    spline
+        Of the same dimension; its knots' interval is mapped affinely to [0, 1].
+    parameter_map
+        Which parameter of the curve each parameter of the spline is held against.
+    rtol
+        Wanted ``upper / lower - 1`` beyond rounding.
+
+    Raises
+    ------
+    InputError
+        When the dimensions differ, or the map is none of the curve's exact forms.
+    """
+    _check_dimension(curve.dimension, spline.dimension)
+    rational = spline.weights is not None
+    knots = Knots.normalised(spline.knots, spline.multiplicities, spline.degree)
+    side = _Direction.of(curve.factors, knots, parameter_map, rational=rational)
+    poles = spline.homogeneous[side.columns]
+    model = side.shape_rows @ curve.coefficients
+    difference = _numerator(model, side.local @ poles, side.denominator[..., None], rational)
+    least, most = _weight_range(spline.weights, (side,))
+    least, most = least * side.least_denominator, most * side.most_denominator
+    found = maximum(transform(side.count) @ difference / least[:, None, None], rtol=rtol)
+    slack = side.tail + lebesgue(side.count) * (side.rounding + 8 * UNIT_ROUNDOFF)
+    size = _size(curve.coefficients, spline.control_points) * float((most / least).max())
+    return _certificate(found, slack * size, (side.parameter(found.index, found.place[0]),))
+
+
+def certify_surface(
+    surface: SeparableSurface,
+    spline: BSplineSurface,
+    *,
+    parameter_maps: tuple[ParameterMap, ParameterMap] = (IDENTITY, IDENTITY),
+    rtol: float = 0.01,
+) -> Certificate:
+    """Prove how far the spline surface is from the surface; see ``certify_curve``.
+
+    Raises
+    ------
+    InputError
+        When the dimensions differ, or a map is none of the surface's exact forms.
+    """
+    _check_dimension(surface.dimension, spline.dimension)
+    rational = spline.weights is not None
+    knots_u = Knots.normalised(spline.knots_u, spline.multiplicities_u, spline.degree_u)
+    knots_v = Knots.normalised(spline.knots_v, spline.multiplicities_v, spline.degree_v)
+    u = _Direction.of(surface.factors_u, knots_u, parameter_maps[0], rational=rational)
+    v = _Direction.of(surface.factors_v, knots_v, parameter_maps[1], rational=rational)
+    least, most = _weight_range(spline.weights, (u, v))
+    least = least * np.outer(u.least_denominator, v.least_denominator)
+    most = most * np.outer(u.most_denominator, v.most_denominator)
+    tail = u.tail * surface.factors_v.bound + lebesgue(u.count) * v.tail * surface.factors_u.bound
+    rounding = u.rounding * surface.factors_v.bound + v.rounding * surface.factors_u.bound + 16 * UNIT_ROUNDOFF
+    size = _size(surface.coefficients, spline.control_points) * float((most / least).max())
+    slack = size * (tail + lebesgue(u.count) * lebesgue(v.count) * rounding)
+    blocks = []
+    step = max(1, _BLOCK // (u.count * v.count * v.spans * (spline.dimension + 1)))
+    for start in range(0, u.spans, step):
+        part = slice(start, start + step)
+        model = _tensor(u.shape_rows[part], v.shape_rows, surface.coefficients)
+        denominator = u.denominator[part, :, None, None] * v.denominator
+        difference = _numerator(model, _spline_values(u, v, part, spline), denominator[..., None], rational)
+        difference /= least[part, None, :, None, None]
+        series = transform(u.count) @ (transform(v.count) @ difference).reshape(*difference.shape[:2], -1)
+        series = series.reshape(difference.shape).swapaxes(1, 2)  # one series for each rectangle
+        found = maximum(series.reshape(-1, u.count, v.count, spline.dimension), rtol=rtol)
+        span_u, span_v = divmod(found.index, v.spans)
+        place = (u.parameter(start + span_u, found.place[0]), v.parameter(span_v, found.place[1]))
+        blocks.append(_certificate(found, slack, place))
+    worst = max(blocks, key=lambda block: block.lower)
+    return Certificate(worst.lower, max(block.upper for block in blocks), worst.place)
+
+
+def _certificate(found: Maximum, slack: float, place: tuple[float, ...]) -> Certificate:
+    # nodes are rounded by a unit or two: by Markov's inequality less than 1e-7 of the difference itself
+    return Certificate(max(0.0, found.lower * (1 - 1e-7) - slack), found.upper * (1 + 1e-7) + slack, place)
+
+
+@dataclass(frozen=True)
+class _Direction:
+    """Everything that a proof needs of one parameter direction, span by span."""
+
+    knots: Knots
+    map: ParameterMap
+    count: int  # Chebyshev zeros on each span
+    shape_rows: Array  # (spans, count, factors): numerators when the map makes them rational
+    denominator: Array  # (spans, count)
+    least_denominator: Array  # (spans,)
+    most_denominator: Array  # (spans,)
+    local: Array  # (spans, count, degree + 1)
+    tail: float
+    rounding: float
+
+    @property
+    def spans(self) -> int:
+        return self.knots.spans
+
+    @property
+    def columns(self) -> NDArray[np.int_]:
+        """Indices of the poles that act on each span, shape (spans, degree + 1)."""
+        return self.knots.first[:, None] + np.arange(self.knots.degree + 1)
+
+    def parameter(self, span: int, z: float) -> float:
+        return float(self.map(self.knots.places(np.array([z]))[span, 0]))
+
+    @staticmethod
+    def of(factors: Factors, knots: Knots, parameter_map: ParameterMap, *, rational: bool) -> _Direction:
+        return _direction(KeyedFactors(factors), knots, parameter_map, rational)
+
+
+@lru_cache(maxsize=64)
+def _direction(kept: KeyedFactors, knots: Knots, parameter_map: ParameterMap, rational: bool) -> _Direction:
+    factors = kept.factors
+    mapped = None if parameter_map == IDENTITY else MappedFactors.of(factors, parameter_map)
+    extra = 0
+    if mapped or rational:
+        extra = knots.degree  # the numerator is a product
+        knots = knots.subdivided(_PARTS)  # numerators over the least denominator: the less it varies the better
+    if mapped is not None:
+        count, tail = max(mapped.degree, knots.degree) + extra + 1, 0.0
+    else:
+        count, tail = _node_count(factors, knots, extra)
+    z = nodes(count)
+    t = knots.places(z)
+    rows = (mapped or factors).rows(t.reshape(-1))
+    shape_rows = np.ascontiguousarray(np.moveaxis(rows.reshape(-1, *t.shape), 0, -1))
+    denominator = np.ones(t.shape) if mapped is None else mapped.denominator(t)
+    at_breaks = np.ones(knots.spans + 1) if mapped is None else mapped.denominator(np.array(knots.breaks))
+    return _Direction(
+        knots=knots,
+        map=parameter_map,
+        count=count,
+        shape_rows=shape_rows,
+        denominator=denominator,
+        least_denominator=np.minimum(at_breaks[:-1], at_breaks[1:]),  # it is monotone
+        most_denominator=np.maximum(at_breaks[:-1], at_breaks[1:]),
+        local=local_values(knots, z),
+        tail=tail,
+        rounding=(mapped or factors).rounding + (factors.count + 6 * (knots.degree + 1)) * UNIT_ROUNDOFF,
+    )
+
+
+def _node_count(factors: Factors, knots: Knots, extra: int) -> tuple[int, float]:
+    """Chebyshev zeros for which the shape's tail on every span drowns in rounding, and that tail."""
+    for count in range(knots.degree + 1, _MAX_NODES):
+        tail = factors.interpolation_tail(knots.widest, count)
+        if tail <= _NEGLIGIBLE:
+            return count + extra, tail * (1 + lebesgue(count + extra)) if extra else tail
+    raise InputError(f"the shape's factors are not resolved by {_MAX_NODES} Chebyshev points on a span")
+
+
+def _numerator(model: Array, fitted: Array, denominator: Array, rational: bool) -> Array:
+    """The numerator of shape - spline over the product of their denominators."""
+    if not rational:
+        return np.asarray(model - fitted * denominator)
+    return np.asarray(model * fitted[..., -1:] - fitted[..., :-1] * denominator)
+
+
+def _tensor(rows_u: Array, rows_v: Array, coefficients: Array) -> Array:
+    """Values on all nodes of all rectangles, shape (spans_u, nodes_u, spans_v, nodes_v, d)."""
+    spans_u, nodes_u, count_u = rows_u.shape
+    spans_v, nodes_v, count_v = rows_v.shape
+    lines = rows_v.reshape(-1, count_v) @ coefficients
+    values = rows_u.reshape(-1, count_u) @ lines.reshape(count_u, -1)
+    return values.reshape(spans_u, nodes_u, spans_v, nodes_v, -1)
+
+
+def _spline_values(u: _Direction, v: _Direction, part: slice, spline: BSplineSurface) -> Array:
+    """Homogeneous values on the same nodes, for the spans of u in the part."""
+    lines = v.local @ spline.homogeneous[:, v.columns]  # (poles_u, spans_v, nodes_v, d)
+    near = lines[u.columns[part]]
+    local = u.local[part]
+    values = local @ near.reshape(*near.shape[:2], -1)
+    return np.asarray(values).reshape(*local.shape[:2], *lines.shape[1:])
+
+
+def _weight_range(weights: Array | None, directions: tuple[_Direction, ...]) -> tuple[Array, Array]:
+    """Least and largest weight that act on each span or rectangle; the denominator lies between them."""
+    if weights is None:
+        ones = np.ones((1,) * len(directions))
+        return ones, ones
+    least = most = weights
+    for axis, one in enumerate(directions):
+        least = np.take(least, one.columns, axis=axis).min(axis=axis + 1)
+        most = np.take(most, one.columns, axis=axis).max(axis=axis + 1)
+    return least, most
+
+
+def _size(coefficients: Array, poles: Array) -> float:
+    """The largest norm among coefficients and poles."""
+    return float(max(np.sqrt((points**2).sum(axis=-1)).max() for points in (coefficients, poles)))
+
+
+def _check_dimension(shape: int, spline: int) -> None:
+    if shape != spline:
+        raise InputError(f"shape and spline must have one dimension, got {shape} and {spline}")

@@ -1,0 +1,330 @@
+"""From a separable shape to the B-spline with the fewest poles that keeps a tolerance, proved.
+
+A tolerance is kept or refused: the result's deviation is a certificate's, not a sample's, and lies within the
+tolerance, or ToleranceNotMet is raised.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, Literal, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtcad.chebyshev import UNIT_ROUNDOFF, nodes
+from gtcad.converters.approximation import Approximation, Bundle
+from gtcad.converters.bspline import MAX_DEGREE, BSplineCurve, BSplineSurface
+from gtcad.converters.certificate import Certificate, certify_curve, certify_surface
+from gtcad.converters.exact import IDENTITY, ParameterMap, exact_curve, exact_surface, polynomial_form
+from gtcad.converters.search import Side, fewest, fewest_pair
+from gtcad.errors import InputError, ToleranceBelowPrecision, ToleranceNotMet
+from gtcad.protocol import Factors, SeparableCurve, SeparableSurface
+
+Array = NDArray[np.float64]
+Degree = int | Literal["auto"]
+Spline = TypeVar("Spline", BSplineCurve, BSplineSurface)
+Maps = TypeVar("Maps", ParameterMap, tuple[ParameterMap, ParameterMap])
+
+_LEAST_DEGREE = 3
+_MAX_END_ORDER = 3
+_SPANS_OF_A_FAILURE = 64  # a surface that fails is not tried with the full limit, only to name a figure
+_COARSE, _FINE = 0.01, 0.001  # relative width of a certificate, and of one that decides a near miss
+_SNAP = 64 * UNIT_ROUNDOFF  # of the size: poles that differ by less were meant to be equal
+
+
+@dataclass(frozen=True, eq=False)
+class Fit(Generic[Spline, Maps]):
+    """A spline and what was proved of it.
+
+    Attributes
+    ----------
+    spline
+        Clamped, not periodic, on [0, 1].
+    deviation
+        (lower, upper): bounds of the largest distance at corresponding parameters, in the shape's unit. The upper
+        one is proved, rounding included, and bounds the distance of the point sets; the lower one is attained.
+    exact
+        Whether the spline is the shape itself, up to rounding.
+    parameter_map
+        The shape's parameter that each of the spline's corresponds to; one for each direction of a surface.
+    """
+
+    spline: Spline
+    deviation: tuple[float, float]
+    exact: bool
+    parameter_map: Maps
+
+
+def fit_curve(
+    curve: SeparableCurve,
+    *,
+    tolerance: float,
+    degree: Degree = 5,
+    continuity: int | None = None,
+    end_order: int = 0,
+    exact: Literal["auto"] | bool = "auto",
+    max_spans: int = 4096,
+    max_degree: int = 11,
+    adapt: bool = True,
+) -> Fit[BSplineCurve, ParameterMap]:
+    """The B-spline of the fewest poles that was found within the tolerance of a curve, with its proof.
+
+    Parameters
+    ----------
+    curve
+        Any curve of the protocol.
+    tolerance
+        Largest distance allowed, in the curve's unit, above 0.
+    degree
+        3 to 25, or "auto": the degree up to ``max_degree`` that needs the fewest poles, the lower one on a tie.
+    continuity
+        Continuity at interior knots, 0 to degree - 1; degree - 1 unless given.
+    end_order
+        0 to 3: derivatives 0..end_order are exact at both ends, so that a join of the curve is one of the spline.
+    exact
+        "auto": an exact form (rational or polynomial, degree 1, 2, 4 or the curve's own) where there is one and
+        end_order is 0; False: never; True: an exact form or an InputError.
+    max_spans
+        Largest number of knot spans.
+    max_degree
+        Largest degree that "auto" takes, 3 to 25.
+    adapt
+        Move the knots for this curve as long as that saves poles (tens of milliseconds). False keeps to operators
+        that are cached for curves of one kind: more poles, below a millisecond for the next one.
+
+    Raises
+    ------
+    InputError
+        When an argument is out of its range.
+    ToleranceBelowPrecision
+        When double precision cannot prove the tolerance for coordinates of this size.
+    ToleranceNotMet
+        When ``max_spans`` are not enough.
+
+    Examples
+    --------
+    >>> from gtcad import Curve
+    >>> arc = Curve([[0, 0], [30, 70], [70, -20], [100, 30]], gamma=(0.4, -0.6))
+    >>> fit = fit_curve(arc, tolerance=1e-4)
+    >>> fit.deviation[1] <= 1e-4
+    True
+    """
+    options = _Options.checked(tolerance, degree, continuity, end_order, exact, max_spans, max_degree)
+    if options.exact_allowed and (form := exact_curve(curve)) is not None:
+        certificate = certify_curve(curve, form[0], parameter_map=form[1])
+        if certificate.upper <= tolerance:
+            return Fit(form[0], (certificate.lower, certificate.upper), True, form[1])
+    options.refuse_inexact()
+    options.refuse_below_floor((curve.factors,), curve.coefficients)
+    side = options.side(Bundle(curve.factors, curve.coefficients[:, None, :]))
+    attempt = _Attempt(tolerance)
+
+    def proof(one: Approximation) -> _Proved | None:
+        spline = _curve_spline(one, curve)
+        return attempt.prove(spline, lambda rtol: certify_curve(curve, spline, rtol=rtol), one)
+
+    proved = fewest(side, tolerance, proof, adapt=adapt)
+    if proved is None:
+        proof(side.best_of(options.max_spans))
+        raise attempt.failure(f"max_spans = {max_spans}")
+    return Fit(proved.spline, proved.deviation, False, IDENTITY)
+
+
+def fit_surface(
+    surface: SeparableSurface,
+    *,
+    tolerance: float,
+    degree: Degree = 5,
+    continuity: int | None = None,
+    end_order: int = 0,
+    exact: Literal["auto"] | bool = "auto",
+    max_spans: int = 4096,
+    max_degree: int = 11,
+    adapt: bool = True,
+) -> Fit[BSplineSurface, tuple[ParameterMap, ParameterMap]]:
+    """The B-spline surface of the fewest poles that was found within the tolerance of a surface, with its proof.
+
+    The arguments are those of ``fit_curve`` and hold for both directions; a direction of classical Bezier factors
+    keeps their own degree where that needs fewer poles, unless ``exact`` is False. Boundary rows of poles that are
+    meant to coincide (collapsed or closed patches) are made equal before the proof.
+
+    Raises
+    ------
+    InputError, ToleranceBelowPrecision, ToleranceNotMet
+        As ``fit_curve``; ``max_spans`` counts the spans of each direction.
+    """
+    options = _Options.checked(tolerance, degree, continuity, end_order, exact, max_spans, max_degree)
+    if options.exact_allowed and (form := exact_surface(surface)) is not None:
+        spline = _snapped(form[0])
+        certificate = certify_surface(surface, spline, parameter_maps=form[1])
+        if certificate.upper <= tolerance:
+            return Fit(spline, (certificate.lower, certificate.upper), True, form[1])
+    options.refuse_inexact()
+    options.refuse_below_floor((surface.factors_u, surface.factors_v), surface.coefficients)
+    u, v = (options.side(bundle) for bundle in _bundles(surface))
+    attempt = _Attempt(tolerance)
+
+    def proof(a: Approximation, b: Approximation) -> _Proved | None:
+        spline = _surface_spline(a, b, surface)
+        return attempt.prove(spline, lambda rtol: certify_surface(surface, spline, rtol=rtol), a, b)
+
+    proved = fewest_pair(u, v, tolerance, proof, surface.coefficients, adapt=adapt)
+    if proved is None:
+        proof(*(side.best_of(min(options.max_spans, _SPANS_OF_A_FAILURE)) for side in (u, v)))
+        raise attempt.failure(f"max_spans = {max_spans} in each direction")
+    return Fit(proved.spline, proved.deviation, False, (IDENTITY, IDENTITY))
+
+
+@dataclass(frozen=True)
+class _Proved(Generic[Spline]):
+    spline: Spline
+    deviation: tuple[float, float]
+
+
+class _Attempt:
+    """Proofs of one fit: what passes, and the best that did not."""
+
+    def __init__(self, tolerance: float) -> None:
+        self.tolerance = tolerance
+        self.least, self.spans = math.inf, 0
+
+    def prove(
+        self, spline: Spline, certify: Callable[[float], Certificate], *approximations: Approximation
+    ) -> _Proved[Spline] | None:
+        """The spline with its deviation when that is within the tolerance."""
+        certificate = certify(_COARSE)
+        if certificate.lower <= self.tolerance < certificate.upper:
+            certificate = certify(_FINE)
+        if certificate.upper < self.least:
+            self.least = certificate.upper
+            self.spans = math.prod(one.knots.spans for one in approximations)
+        if certificate.upper > self.tolerance:
+            return None
+        return _Proved(spline, (certificate.lower, certificate.upper))
+
+    def failure(self, limit: str) -> ToleranceNotMet:
+        return ToleranceNotMet(self.tolerance, self.least, self.spans, limit)
+
+
+@dataclass(frozen=True)
+class _Options:
+    """The checked arguments that both fits share."""
+
+    tolerance: float
+    degrees: tuple[int, ...]
+    continuity: int | None
+    end_order: int
+    exact: Literal["auto"] | bool
+    max_spans: int
+
+    @classmethod
+    def checked(
+        cls,
+        tolerance: float,
+        degree: Degree,
+        continuity: int | None,
+        end_order: int,
+        exact: Literal["auto"] | bool,
+        max_spans: int,
+        max_degree: int,
+    ) -> _Options:
+        if not (tolerance > 0 and math.isfinite(tolerance)):
+            raise InputError(f"tolerance must be a finite number above 0, got {tolerance}")
+        if degree == "auto":
+            _check_whole("max_degree", max_degree, _LEAST_DEGREE, MAX_DEGREE)
+            degrees = tuple(range(_LEAST_DEGREE, max_degree + 1))
+        else:
+            _check_whole("degree", degree, _LEAST_DEGREE, MAX_DEGREE, also='"auto"')
+            degrees = (degree,)
+        if continuity is not None:
+            _check_whole("continuity", continuity, 0, max(degrees) - 1)
+            degrees = tuple(one for one in degrees if one > continuity)
+        _check_whole("end_order", end_order, 0, _MAX_END_ORDER)
+        _check_whole("max_spans", max_spans, 1, None)
+        if exact not in ("auto", True, False):
+            raise InputError(f'exact must be "auto", True or False, got {exact!r}')
+        return cls(float(tolerance), degrees, continuity, end_order, exact, max_spans)
+
+    @property
+    def exact_allowed(self) -> bool:
+        """Whether an exact form may stand for the piece: its parameter is its own, so no join may depend on it."""
+        return self.exact is not False and self.end_order == 0
+
+    def refuse_inexact(self) -> None:
+        if self.exact is True:
+            raise InputError("exact=True, but there is no exact form of this piece at end_order 0 and this tolerance")
+
+    def refuse_below_floor(self, factors: tuple[Factors, ...], coefficients: Array) -> None:
+        size = float(np.sqrt((coefficients**2).sum(axis=-1)).max())
+        floor = size * precision_floor(factors)
+        if self.tolerance < floor:
+            raise ToleranceBelowPrecision(self.tolerance, floor)
+
+    def side(self, bundle: Bundle) -> Side:
+        polynomial = None if self.exact is False else polynomial_form(bundle.factors)
+        return Side(bundle, self.degrees, self.continuity, self.end_order, self.max_spans, polynomial)
+
+
+def precision_floor(factors: tuple[Factors, ...]) -> float:
+    """Least tolerance, relative to the largest coefficient, that a certificate can prove over its own rounding."""
+    units = sum(one.rounding / UNIT_ROUNDOFF + one.count + 60 for one in factors)
+    return 2 * units * UNIT_ROUNDOFF * 3.0 ** len(factors)
+
+
+def _check_whole(name: str, value: object, least: int, most: int | None, also: str = "") -> None:
+    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    if whole and value >= least and (most is None or value <= most):  # type: ignore[operator]
+        return
+    allowed = f"from {least}" if most is None else f"in [{least}, {most}]"
+    raise InputError(f"{name} must be a whole number {allowed}{' or ' + also if also else ''}, got {value!r}")
+
+
+def _bundles(surface: SeparableSurface) -> tuple[Bundle, Bundle]:
+    """The curves of each direction through places of the other one."""
+    places_u, places_v = (
+        factors.rows(np.concatenate([[0.0], (nodes(2 * factors.count + 3) + 1) / 2, [1.0]]))
+        for factors in (surface.factors_u, surface.factors_v)
+    )
+    along_u = np.einsum("ijd,jp->ipd", surface.coefficients, places_v)
+    along_v = np.einsum("ijd,ip->jpd", surface.coefficients, places_u)
+    return Bundle(surface.factors_u, along_u), Bundle(surface.factors_v, along_v)
+
+
+def _curve_spline(one: Approximation, curve: SeparableCurve) -> BSplineCurve:
+    poles = one.matrix @ curve.coefficients
+    if _coincide(poles[0], poles[-1], poles):
+        poles[-1] = poles[0]
+    return BSplineCurve(poles, one.knots.breaks, one.knots.multiplicities, one.knots.degree)
+
+
+def _surface_spline(a: Approximation, b: Approximation, surface: SeparableSurface) -> BSplineSurface:
+    poles = np.einsum("ui,ijd,vj->uvd", a.matrix, surface.coefficients, b.matrix, optimize=True)
+    spline = BSplineSurface(
+        poles,
+        a.knots.breaks,
+        a.knots.multiplicities,
+        a.knots.degree,
+        b.knots.breaks,
+        b.knots.multiplicities,
+        b.knots.degree,
+    )
+    return _snapped(spline)
+
+
+def _snapped(spline: BSplineSurface) -> BSplineSurface:
+    """The same surface with boundary rows made equal that coincide, and collapsed ones made one point."""
+    poles = np.array(spline.control_points)
+    for rows in (poles, poles.swapaxes(0, 1)):
+        for row in (rows[0], rows[-1]):
+            if _coincide(row, row[:1], poles):
+                row[:] = row[0]
+        if _coincide(rows[0], rows[-1], poles):
+            rows[-1] = rows[0]
+    return spline.with_control_points(poles)
+
+
+def _coincide(a: Array, b: Array, poles: Array) -> bool:
+    return bool(np.abs(a - b).max() <= _SNAP * np.abs(poles).max())

@@ -1,0 +1,201 @@
+"""What the command line does, without a terminal: fit a model, write and read files, describe their content."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtcad.converters.bspline import BSplineCurve, BSplineSurface
+from gtcad.converters.part import EllipseArc, Part
+from gtcad.errors import ToleranceBelowPrecision, ToleranceNotMet
+from gtcad.model import Model
+from gtcad.protocol import SeparableCurve, Shape
+from gtcad.restricted import RestrictedCurve, RestrictedSurface
+
+if TYPE_CHECKING:
+    from gtcad.converters.fit import Fit
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A shape of a model after fitting.
+
+    Parameters
+    ----------
+    name
+        Its name in the model.
+    fit
+        The fit, in mm; None when the tolerance cannot be met.
+    error
+        Why there is no fit; empty when there is one.
+    """
+
+    name: str
+    fit: Fit[Any, Any] | None
+    error: str = ""
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data, for tables and JSON."""
+        if self.fit is None:
+            return {"name": self.name, "error": self.error}
+        poles, degrees = sizes(self.fit.spline)
+        return {
+            "name": self.name,
+            "poles": poles,
+            "degree": degrees,
+            "rational": self.fit.spline.weights is not None,
+            "deviation": list(self.fit.deviation),
+            "exact": self.fit.exact,
+        }
+
+
+def fit_shapes(shapes: Mapping[str, Shape], settings: Mapping[str, Any]) -> Iterator[Fitted]:
+    """Fit the shapes one by one, going on where the tolerance cannot be met.
+
+    Parameters
+    ----------
+    shapes
+        By name, in mm.
+    settings
+        The keyword arguments of `fit_curve` and `fit_surface`.
+    """
+    from gtcad.converters.fit import fit_curve, fit_surface
+
+    for name, shape in shapes.items():
+        try:
+            if isinstance(shape, SeparableCurve):
+                yield Fitted(name, fit_curve(shape, **settings))
+            else:
+                yield Fitted(name, fit_surface(shape, **settings))
+        except (ToleranceNotMet, ToleranceBelowPrecision) as error:
+            yield Fitted(name, None, str(error))
+
+
+def parts_of(fits: Sequence[Fitted], colors: Mapping[str, str]) -> list[Part]:
+    """The fitted shapes as parts of a file; colours by name, "#rrggbb"."""
+    return [
+        Part(item.name, item.fit.spline, color=_rgb(colors.get(item.name))) for item in fits if item.fit is not None
+    ]
+
+
+def _rgb(color: str | None) -> tuple[float, float, float] | None:
+    if color is None:
+        return None
+    red, green, blue = bytes.fromhex(color[1:])
+    return red / 255, green / 255, blue / 255
+
+
+def _hex(color: tuple[float, float, float] | None) -> str | None:
+    return None if color is None else "#" + bytes(round(255 * value) for value in color).hex()
+
+
+def write_parts(
+    path: str, form: str, parts: Sequence[Part], *, tolerance: float, schema: str, timestamp: datetime | None
+) -> None:
+    """Write a file of the form STEP, IGES or BREP; the tolerance in mm goes into those that state one."""
+    if form == "STEP":
+        from gtcad.converters.step import write_step
+
+        write_step(path, parts, schema=schema, tolerance=tolerance, timestamp=timestamp)
+    elif form == "IGES":
+        from gtcad.converters.iges import write_iges
+
+        write_iges(path, parts, tolerance=tolerance, timestamp=timestamp)
+    else:
+        from gtcad.converters.brep import write_brep
+
+        write_brep(path, parts)
+
+
+def read_parts(path: str, form: str) -> list[Part]:
+    """The parts of a file of the form STEP, IGES or BREP."""
+    if form == "STEP":
+        from gtcad.converters.step import read_step
+
+        return read_step(path)
+    if form == "IGES":
+        from gtcad.converters.iges import read_iges
+
+        return read_iges(path)
+    from gtcad.converters.brep import read_brep
+
+    return read_brep(path)
+
+
+def describe_model(model: Model) -> dict[str, Any]:
+    """Unit, box of the control points in mm, and the shapes of a model, as plain data."""
+    shapes = [_shape_data(name, shape) | {"color": model.colors.get(name)} for name, shape in model.items()]
+    points = [shape.coefficients for shape in model.in_millimetres().values()]
+    return {"format": "model", "unit": model.unit, "box": _box(points), "shapes": shapes}
+
+
+def _shape_data(name: str, shape: Shape) -> dict[str, Any]:
+    whole: Any = shape.shape if isinstance(shape, RestrictedCurve | RestrictedSurface) else shape
+    is_curve = isinstance(shape, SeparableCurve)
+    families = [whole.family] if is_curve else [whole.family_u, whole.family_v]
+    counts = list(whole.coefficients.shape[:-1])
+    return {
+        "name": name,
+        "kind": "curve" if is_curve else "surface",
+        "families": [family.name for family in families],
+        "degree": [count - 1 for count in counts],
+        "poles": counts,
+        "range": None if whole is shape else shape.range,  # type: ignore[union-attr]
+    }
+
+
+def describe_parts(parts: Sequence[Part], form: str) -> dict[str, Any]:
+    """Box of the control points in mm, and the curves and surfaces of an exchange file, as plain data."""
+    points = [
+        _arc_extremes(p.geometry) if isinstance(p.geometry, EllipseArc) else p.geometry.control_points for p in parts
+    ]
+    return {"format": form, "unit": "mm", "box": _box(points), "shapes": [_part_data(part) for part in parts]}
+
+
+def _part_data(part: Part) -> dict[str, Any]:
+    poles, degrees = sizes(part.geometry)
+    return {
+        "name": part.name,
+        "kind": "surface" if isinstance(part.geometry, BSplineSurface) else "curve",
+        "entity": part.source,
+        "degree": degrees,
+        "poles": poles,
+        "trimmed": part.trimmed,
+        "valid": part.valid,
+        "color": _hex(part.color),
+    }
+
+
+def sizes(geometry: BSplineCurve | BSplineSurface | EllipseArc) -> tuple[list[int], list[int]]:
+    """The numbers of poles and the degrees of the directions; none of an ellipse."""
+    if isinstance(geometry, EllipseArc):
+        return [], []
+    if isinstance(geometry, BSplineCurve):
+        return list(geometry.control_points.shape[:1]), [geometry.degree]
+    return list(geometry.control_points.shape[:2]), [geometry.degree_u, geometry.degree_v]
+
+
+def _arc_extremes(arc: EllipseArc) -> Array:
+    """The ends of the arc and its points that lie farthest out along the axes of space."""
+    extreme = np.arctan2(arc.axis_b, arc.axis_a)
+    turns = np.pi * np.arange(-4, 5)
+    angles = (extreme[:, None] + turns + 2 * np.pi * np.floor(arc.start / (2 * np.pi))).reshape(-1)
+    inside = angles[(angles > arc.start) & (angles < arc.end)]
+    return arc.evaluate(np.concatenate([[arc.start, arc.end], inside]))
+
+
+def _box(points: Sequence[Array]) -> dict[str, list[float]] | None:
+    """The least box with sides along the axes of space, plane points lying at z = 0."""
+    flat = [p.reshape(-1, p.shape[-1]) for p in points]
+    spatial = [np.pad(p, ((0, 0), (0, 3 - p.shape[1]))) for p in flat]
+    if not spatial:
+        return None
+    everything = np.concatenate(spatial)
+    return {"least": everything.min(axis=0).tolist(), "most": everything.max(axis=0).tolist()}

@@ -1,0 +1,112 @@
+"""The kernel's document, which gives names and colours to shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from gtcad.converters.occt.compat import LabelSequence, kernel_module, listed
+from gtcad.converters.occt.topology import ShapeKey, pieces
+from gtcad.converters.part import Color
+
+_Quantity = kernel_module("Quantity")
+_TCollection = kernel_module("TCollection")
+_TDataStd = kernel_module("TDataStd")
+_TDF = kernel_module("TDF")
+_TDocStd = kernel_module("TDocStd")
+_TopAbs = kernel_module("TopAbs")
+_TopLoc = kernel_module("TopLoc")
+_XCAFDoc = kernel_module("XCAFDoc")
+
+_COLOR_DIGITS = 6  # the kernel keeps colours in single precision
+
+
+@dataclass(frozen=True)
+class Item:
+    """A shape with the name and the colour that a file gives it."""
+
+    shape: Any
+    name: str
+    color: Color | None = None
+
+
+class _Document:
+    """An XCAF document in mm; it must outlive its labels."""
+
+    def __init__(self) -> None:
+        self.data = _TDocStd.TDocStd_Document(_TCollection.TCollection_ExtendedString("gtcad"))
+        _XCAFDoc.XCAFDoc_DocumentTool.SetLengthUnit_s(self.data, 0.001)
+        self.shapes = _XCAFDoc.XCAFDoc_DocumentTool.ShapeTool_s(self.data.Main())
+        self.colors = _XCAFDoc.XCAFDoc_DocumentTool.ColorTool_s(self.data.Main())
+
+    def add(self, item: Item) -> Any:
+        """The label of a new top-level shape."""
+        label = self.shapes.AddShape(item.shape, False)
+        name = item.name.encode("ascii", "ignore").decode().strip() or "part"  # the real one is set later
+        _TDataStd.TDataStd_Name.Set_s(label, _TCollection.TCollection_ExtendedString(name))
+        if item.color is not None:
+            edge = item.shape.ShapeType() == _TopAbs.TopAbs_EDGE
+            kind = _XCAFDoc.XCAFDoc_ColorCurv if edge else _XCAFDoc.XCAFDoc_ColorSurf
+            self.colors.SetColor(label, _Quantity.Quantity_Color(*item.color, _Quantity.Quantity_TOC_sRGB), kind)
+        return label
+
+    def items(self) -> Iterator[Item]:
+        """Every face, and every edge that belongs to no face, with its name and colour."""
+        labels = LabelSequence()
+        self.shapes.GetFreeShapes(labels)
+        for label in listed(labels):
+            yield from self._items(label, _TopLoc.TopLoc_Location(), Item(None, ""))
+
+    def _items(self, label: Any, location: Any, outer: Item) -> Iterator[Item]:
+        inherited = Item(None, self._name(label) or outer.name, self._color(label) or outer.color)
+        if self.shapes.IsReference_s(label):
+            referred = _TDF.TDF_Label()
+            self.shapes.GetReferredShape_s(label, referred)
+            yield from self._items(referred, location.Multiplied(self.shapes.GetLocation_s(label)), inherited)
+        elif self.shapes.IsAssembly_s(label):
+            components = LabelSequence()
+            self.shapes.GetComponents_s(label, components)
+            for component in listed(components):
+                yield from self._items(component, location, inherited)
+        else:
+            yield from self._pieces(label, location, inherited)
+
+    def _pieces(self, label: Any, location: Any, inherited: Item) -> Iterator[Item]:
+        shape = self.shapes.GetShape_s(label)
+        own = self._named_pieces(label)
+        for piece in pieces(shape):
+            found = own.get(ShapeKey(piece), inherited)
+            yield Item(piece.Moved(location), found.name or inherited.name, found.color or inherited.color)
+
+    def _named_pieces(self, label: Any) -> dict[ShapeKey, Item]:
+        """Names and colours of faces and free edges, the narrower sub-shape's before the wider one's."""
+        labels = LabelSequence()
+        self.shapes.GetSubShapes_s(label, labels)
+        found: dict[ShapeKey, Item] = {}
+        subs = [(self.shapes.GetShape_s(sub), self._name(sub), self._color(sub)) for sub in listed(labels)]
+        for shape, name, color in sorted(subs, key=lambda sub: int(sub[0].ShapeType())):
+            for piece in pieces(shape):
+                wider = found.get(ShapeKey(piece), Item(None, ""))
+                found[ShapeKey(piece)] = Item(None, name or wider.name, color or wider.color)
+        return found
+
+    def _name(self, label: Any) -> str:
+        # not label.FindAttribute: its result is freed memory
+        attributes = _TDF.TDF_AttributeIterator(label)
+        while attributes.More():
+            value = attributes.Value()
+            if type(value).__name__ == "TDataStd_Name":
+                return str(value.Get().ToExtString())
+            attributes.Next()
+        return ""
+
+    def _color(self, label: Any) -> Color | None:
+        color = _Quantity.Quantity_Color()
+        for kind in (_XCAFDoc.XCAFDoc_ColorSurf, _XCAFDoc.XCAFDoc_ColorCurv, _XCAFDoc.XCAFDoc_ColorGen):
+            if self.colors.GetColor_s(label, kind, color):
+                red, green, blue = (round(value, _COLOR_DIGITS) for value in color.Values(_Quantity.Quantity_TOC_sRGB))
+                return red, green, blue
+        return None
+
+

@@ -1,0 +1,295 @@
+"""STEP, IGES and BREP through the kernel: bytes out, and shapes with names and colours in."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any, Literal
+
+import gtcad
+from gtcad.converters.occt.compat import LabelSequence, kernel_guard, kernel_module, listed
+from gtcad.converters.occt.topology import TOLERANCE, ShapeKey, pieces
+from gtcad.converters.part import Color
+from gtcad.errors import KernelError
+
+_APIHeaderSection = kernel_module("APIHeaderSection")
+_BRep = kernel_module("BRep")
+_BRepTools = kernel_module("BRepTools").BRepTools
+_IFSelect = kernel_module("IFSelect")
+_IGESCAFControl = kernel_module("IGESCAFControl")
+_IGESControl = kernel_module("IGESControl").IGESControl_Controller
+_IGESGraph = kernel_module("IGESGraph")
+_IGESData = kernel_module("IGESData")
+_Message = kernel_module("Message")
+_Quantity = kernel_module("Quantity")
+_Static = kernel_module("Interface").Interface_Static
+_StepAP214 = kernel_module("StepAP214").StepAP214
+_STEPCAFControl = kernel_module("STEPCAFControl")
+_STEPControl = kernel_module("STEPControl")
+_StepData = kernel_module("StepData")
+_TCollection = kernel_module("TCollection")
+_TDataStd = kernel_module("TDataStd")
+_TDF = kernel_module("TDF")
+_TDocStd = kernel_module("TDocStd")
+_TopAbs = kernel_module("TopAbs")
+_TopLoc = kernel_module("TopLoc")
+_TopoDS = kernel_module("TopoDS")
+_XCAFDoc = kernel_module("XCAFDoc")
+
+Schema = Literal["AP242", "AP214", "AP203"]
+_SCHEMAS = {"AP242": "AP242DIS", "AP214": "AP214IS", "AP203": "AP203"}
+_REAL_FORMAT = "%.16E"  # 17 digits: every double comes back bit for bit
+_COLOR_DIGITS = 6  # the kernel keeps colours in single precision
+
+
+# --- writing ------------------------------------------------------------------------------------------------------
+
+
+def step_bytes(items: Sequence[Item], *, schema: Schema, tolerance: float | None, timestamp: datetime) -> bytes:
+    """A STEP file with one product for each item, in order.
+
+    Parameters
+    ----------
+    items
+        At least one.
+    schema
+        "AP242", "AP214" or "AP203".
+    tolerance
+        Goes into the file's UNCERTAINTY, in mm; None for the tolerance of the shapes.
+    timestamp
+        Goes into the header and, in AP203, into the creation date.
+
+    Raises
+    ------
+    KernelError
+        When the kernel refuses to write.
+    """
+    settings = _writing(tolerance) | _WRITING_STEP | {"write.step.schema": _SCHEMAS[schema]}
+    with _session("writing STEP", settings):
+        writer, document, done = _STEPCAFControl.STEPCAFControl_Writer(), _Document(), 0
+        for i, item in enumerate(items):
+            # label by label: in one go the kernel orders the colours by memory address
+            if not writer.Transfer(document.add(item), _STEPControl.STEPControl_AsIs):
+                raise KernelError(f"the kernel cannot write {item.name!r} to STEP")
+            model = writer.ChangeWriter().Model()
+            for entity in _entities(model, done):
+                _finish_step_entity(entity, _placeholder(i), item.color, timestamp)
+            done = model.NbEntities()
+        _set_step_header(model, timestamp)
+        sender = _StepData.StepData_StepWriter(model)
+        data = _printed(sender, _StepAP214.Protocol_s())
+    for i, item in enumerate(items):
+        data = data.replace(_placeholder(i).encode(), part21_text(item.name).encode("ascii"))
+    return data
+
+
+def _entities(model: Any, done: int) -> Iterator[Any]:
+    """The entities that were added to a model after the first `done` ones."""
+    for i in range(done + 1, model.NbEntities() + 1):
+        yield model.Entity(i)
+
+
+def _printed(sender: Any, protocol: Any) -> bytes:
+    sender.FloatWriter().SetFormat(_REAL_FORMAT, True)
+    sender.FloatWriter().SetZeroSuppress(False)
+    sender.SendModel(protocol)
+    stream = io.BytesIO()
+    if not sender.Print(stream):
+        raise KernelError("the kernel cannot print the file")
+    return stream.getvalue()
+
+
+def _text(value: str) -> Any:
+    return _TCollection.TCollection_HAsciiString(value)
+
+
+def _placeholder(i: int) -> str:
+    return f"@{i:09d}@"  # the kernel breaks long names over lines, within an escape sequence too
+
+
+def part21_text(text: str) -> str:
+    """A text as Part 21 writes it between apostrophes: ASCII, anything else as an escape sequence."""
+    outer = {0, len(text) - 1}  # the kernel's reader drops spaces at the ends
+    return "".join(_part21_letter(letter, i in outer) for i, letter in enumerate(text))
+
+
+def _part21_letter(letter: str, outer: bool) -> str:
+    code = ord(letter)
+    if letter == "'":
+        return "''"
+    if 32 <= code < 127 and letter != "\\" and not (outer and letter == " "):
+        return letter
+    return f"\\X2\\{code:04X}\\X0\\" if code < 65536 else f"\\X4\\{code:08X}\\X0\\"
+
+
+def _finish_step_entity(entity: Any, name: str, color: Color | None, timestamp: datetime) -> None:
+    """Name what carries a name, take the colour at full precision, and nothing from the clock, machine and user."""
+    match type(entity).__name__:
+        case "StepBasic_Product":
+            entity.SetId(_text(name))
+            entity.SetName(_text(name))
+        case "StepShape_AdvancedFace" | "StepGeom_TrimmedCurve":
+            entity.SetName(_text(name))
+        case "StepVisual_ColourRgb" if color is not None:
+            entity.SetRed(color[0])
+            entity.SetGreen(color[1])
+            entity.SetBlue(color[2])
+        case "StepBasic_CalendarDate":
+            entity.SetYearComponent(timestamp.year)
+            entity.SetMonthComponent(timestamp.month)
+            entity.SetDayComponent(timestamp.day)
+        case "StepBasic_LocalTime":
+            entity.SetHourComponent(timestamp.hour)
+            entity.SetMinuteComponent(timestamp.minute)
+        case "StepBasic_Person":
+            entity.SetId(_text(""))
+            entity.SetLastName(_text(""))
+        case "StepBasic_Organization":
+            entity.SetId(_text(""))
+            entity.SetName(_text(""))
+
+
+def _set_step_header(model: Any, timestamp: datetime) -> None:
+    header = _APIHeaderSection.APIHeaderSection_MakeHeader(model)
+    header.SetName(_text("gtcad"))
+    header.SetTimeStamp(_text(timestamp.isoformat(timespec="seconds")))
+    header.SetAuthorValue(1, _text(""))
+    header.SetOrganizationValue(1, _text(""))
+    header.SetPreprocessorVersion(_text(f"gtcad {gtcad.__version__}"))
+    header.SetOriginatingSystem(_text("gtcad"))
+    header.SetAuthorisation(_text(""))
+    header.SetDescriptionValue(1, _text("gtcad"))
+    header.Apply(model)
+
+
+def iges_bytes(items: Sequence[Item], *, tolerance: float | None, timestamp: datetime) -> bytes:
+    """An IGES file with one entity for each item, in order.
+
+    Parameters
+    ----------
+    items
+        At least one. Letters beyond ASCII, which IGES does not know, are written in UTF-8.
+    tolerance
+        Goes into the global section's minimum resolution, in mm; None for the tolerance of the shapes.
+    timestamp
+        Goes into the global section.
+
+    Raises
+    ------
+    KernelError
+        When the kernel refuses to write.
+    """
+    with _session("writing IGES", _writing(tolerance) | _WRITING_IGES):
+        writer, document, done = _IGESCAFControl.IGESCAFControl_Writer(), _Document(), 0
+        writer.SetColorMode(False)
+        tops = []
+        model = writer.Model()
+        for item in items:
+            if not writer.Transfer(document.add(item)):
+                raise KernelError(f"the kernel cannot write {item.name!r} to IGES")
+            tops.append(model.Entity(done + 1))
+            _set_iges_names(model, done, item.name)
+            done = model.NbEntities()
+        writer.ComputeModel()
+        for top, item in zip(tops, items, strict=True):
+            if item.color is not None:
+                _set_iges_color(model, top, item.color)
+        _set_global_section(model, timestamp)
+        return _printed(_IGESData.IGESData_IGESWriter(model), model.Protocol())
+
+
+def _set_iges_names(model: Any, done: int, name: str) -> None:
+    for entity in _entities(model, done):
+        if type(entity).__name__ == "IGESBasic_Name":
+            entity.Init(1, _text(name))
+
+
+def _set_iges_color(model: Any, top: Any, color: Color) -> None:
+    entity = _IGESGraph.IGESGraph_Color()
+    entity.Init(*(100 * value for value in color), _text(""))
+    model.AddEntity(entity)
+    top.InitColor(entity, 0)
+
+
+def _set_global_section(model: Any, timestamp: datetime) -> None:
+    section = model.GlobalSection()
+    date = _text(timestamp.strftime("%Y%m%d.%H%M%S"))
+    section.SetDate(date)
+    section.SetLastChangeDate(date)
+    section.SetFileName(_text("gtcad"))
+    section.SetSendName(_text("gtcad"))
+    section.SetReceiveName(_text(""))
+    section.SetSystemId(_text("gtcad"))
+    section.SetInterfaceVersion(_text(f"gtcad {gtcad.__version__}"))
+    section.SetAuthorName(_text(""))
+    section.SetCompanyName(_text(""))
+    model.SetGlobalSection(section)
+
+
+def brep_bytes(items: Sequence[Item]) -> bytes:
+    """A BREP file: one compound of the shapes in order, without names and colours, which the format does not know."""
+    with kernel_guard("writing BREP"), quiet():
+        builder, compound = _BRep.BRep_Builder(), _TopoDS.TopoDS_Compound()
+        builder.MakeCompound(compound)
+        for item in items:
+            builder.Add(compound, item.shape)
+        stream = io.BytesIO()
+        _BRepTools.Write_s(compound, stream)
+        return stream.getvalue()
+
+
+# --- reading ------------------------------------------------------------------------------------------------------
+
+
+def step_items(data: bytes) -> list[Item]:
+    """Every face and every free edge of a STEP file, in mm and in the order of the file.
+
+    Raises
+    ------
+    ValueError
+        When the kernel cannot read it.
+    """
+    with _session("reading STEP", _READING | _READING_STEP):
+        reader, document = _STEPCAFControl.STEPCAFControl_Reader(), _Document()
+        if reader.ReadStream("gtcad", io.BytesIO(data)) != _IFSelect.IFSelect_RetDone:
+            raise ValueError("the kernel cannot read it")
+        if not reader.Transfer(document.data):
+            raise ValueError("the kernel finds no shape in it")
+        return list(document.items())
+
+
+def iges_items(path: str) -> list[Item]:
+    """Every face and every free edge of an IGES file, in mm and in the order of the file.
+
+    Raises
+    ------
+    ValueError
+        When the kernel cannot read it.
+    """
+    with _session("reading IGES", _READING | _READING_IGES):
+        reader, document = _IGESCAFControl.IGESCAFControl_Reader(), _Document()
+        # from a path: ReadStream ends the process for IGES
+        if reader.ReadFile(path) != _IFSelect.IFSelect_RetDone:
+            raise ValueError("the kernel cannot read it")
+        if not reader.Transfer(document.data):
+            raise ValueError("the kernel finds no shape in it")
+        return list(document.items())
+
+
+def brep_items(data: bytes) -> list[Item]:
+    """Every face and every free edge of a BREP file, in the order of the file, without names.
+
+    Raises
+    ------
+    ValueError
+        When the kernel cannot read it.
+    """
+    with kernel_guard("reading BREP"), quiet():
+        shape = _TopoDS.TopoDS_Shape()
+        _BRepTools.Read_s(shape, io.BytesIO(data), _BRep.BRep_Builder())
+        if shape.IsNull():
+            raise ValueError("the kernel cannot read it")
+        return [Item(piece, "") for piece in pieces(shape)]

@@ -1,0 +1,142 @@
+"""What goes into an exchange file and what comes out of one: a piece of geometry with its name and colour."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gtcad.converters.bspline import BSplineCurve, BSplineSurface
+from gtcad.errors import InputError
+
+Array = NDArray[np.float64]
+Color = tuple[float, float, float]
+_SQUARE = 1e-9  # cosine of the axes' angle that still counts as a right angle
+_TURN = 2 * np.pi * (1 + 1e-15)
+
+
+def _vector(name: str, value: ArrayLike) -> Array:
+    vector = np.array(value, dtype=np.float64)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise InputError(f"{name} must be three finite numbers, got {np.asarray(value).tolist()}")
+    vector.flags.writeable = False
+    return vector
+
+
+@dataclass(frozen=True, eq=False)
+class EllipseArc:
+    r"""An arc of an ellipse, or of a circle when both axes have the same length.
+
+    .. math:: p(\theta) = c + \cos(\theta)\, a + \sin(\theta)\, b, \qquad \theta \in [\text{start}, \text{end}]
+
+    Parameters
+    ----------
+    center
+        Shape (3,), in mm.
+    axis_a, axis_b
+        The two half axes as vectors, shape (3,), in mm, at right angles; either may be the longer one.
+    start, end
+        Angles in radians, start < end, at most a full turn apart.
+
+    Raises
+    ------
+    InputError
+        When an axis is zero, the axes are not at right angles, or the angles are out of order.
+
+    Examples
+    --------
+    >>> EllipseArc([0, 0, 0], [2, 0, 0], [0, 1, 0], 0.0, 3.0).evaluate(0.0)
+    array([2., 0., 0.])
+    """
+
+    center: Array
+    axis_a: Array
+    axis_b: Array
+    start: float
+    end: float
+
+    def __init__(self, center: ArrayLike, axis_a: ArrayLike, axis_b: ArrayLike, start: float, end: float) -> None:
+        object.__setattr__(self, "center", _vector("center", center))
+        object.__setattr__(self, "axis_a", _vector("axis_a", axis_a))
+        object.__setattr__(self, "axis_b", _vector("axis_b", axis_b))
+        object.__setattr__(self, "start", float(start))
+        object.__setattr__(self, "end", float(end))
+        lengths = np.linalg.norm(self.axis_a), np.linalg.norm(self.axis_b)
+        if min(lengths) == 0:
+            raise InputError(f"the axes must not be zero, got lengths {lengths[0]} and {lengths[1]}")
+        cosine = float(self.axis_a / lengths[0] @ (self.axis_b / lengths[1]))
+        if abs(cosine) > _SQUARE:
+            raise InputError(f"the axes must be at right angles, got an angle with cosine {cosine:.3g}")
+        if not 0 < self.end - self.start <= _TURN:
+            raise InputError(f"start < end <= start + 2 pi is needed, got {self.start} and {self.end}")
+
+    @property
+    def is_circle(self) -> bool:
+        """Whether both axes have the same length, to 14 digits."""
+        lengths = np.linalg.norm(self.axis_a), np.linalg.norm(self.axis_b)
+        return bool(abs(lengths[0] - lengths[1]) <= 1e-14 * max(lengths))
+
+    def evaluate(self, theta: ArrayLike) -> Array:
+        """Points at the angles theta, shape theta.shape + (3,)."""
+        angle = np.asarray(theta, dtype=np.float64)[..., None]
+        points: Array = self.center + np.cos(angle) * self.axis_a + np.sin(angle) * self.axis_b
+        return points
+
+
+Geometry = BSplineCurve | BSplineSurface | EllipseArc
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One curve or surface of an exchange file.
+
+    Parameters
+    ----------
+    name
+        Any text, or empty.
+    geometry
+        A curve becomes an edge, a surface a face bounded by its whole parameter rectangle. In mm.
+    color
+        Red, green and blue in [0, 1], the numbers that a colour picker shows (sRGB), or None. Files keep six decimals.
+    source
+        Read parts: the kind of geometry in the file, in the words of Part 21 whatever the format: "B_SPLINE_CURVE",
+        "B_SPLINE_SURFACE", "BEZIER_CURVE", "BEZIER_SURFACE", "LINE", "CIRCLE", "ELLIPSE", "PARABOLA", "HYPERBOLA",
+        "PLANE", "CYLINDRICAL_SURFACE", "CONICAL_SURFACE", "SPHERICAL_SURFACE", "TOROIDAL_SURFACE",
+        "SURFACE_OF_LINEAR_EXTRUSION", "SURFACE_OF_REVOLUTION". Empty in parts to be written.
+    trimmed
+        Read faces: whether the face is less than all of `geometry`, which then reaches beyond the face.
+    reversed
+        Read parts: whether the face's normal, or the edge's direction, is opposite to that of `geometry`.
+    valid
+        Read parts: the verdict of the kernel's BRepCheck.
+
+    Raises
+    ------
+    InputError
+        When the name is not a text, the geometry of none of the three kinds, or a colour out of range.
+    """
+
+    name: str
+    geometry: Geometry
+    color: Color | None = None
+    source: str = ""
+    trimmed: bool = False
+    reversed: bool = False
+    valid: bool = True
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise InputError(f"name must be a text, got {self.name!r}")
+        if not isinstance(self.geometry, BSplineCurve | BSplineSurface | EllipseArc):
+            kind = type(self.geometry).__name__
+            raise InputError(f"geometry must be a BSplineCurve, BSplineSurface or EllipseArc, got {kind}")
+        if self.color is not None:
+            object.__setattr__(self, "color", _checked_color(self.color))
+
+
+def _checked_color(color: Color) -> Color:
+    values = tuple(float(value) for value in color)
+    if len(values) != 3 or not all(0 <= value <= 1 for value in values):
+        raise InputError(f"color must be three numbers in [0, 1], got {color}")
+    return values[0], values[1], values[2]

@@ -1,0 +1,140 @@
+"""B-spline basis functions span by span: values at given places of every span, and derivatives at the ends."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Knots:
+    """A clamped knot vector on [0, 1].
+
+    Attributes
+    ----------
+    breaks
+        Distinct knots from 0 to 1.
+    multiplicities
+        One for each break, degree + 1 at both ends.
+    degree
+        Degree of the splines.
+    """
+
+    breaks: tuple[float, ...]
+    multiplicities: tuple[int, ...]
+    degree: int
+
+    @classmethod
+    def smooth(cls, breaks: Array | tuple[float, ...], degree: int, continuity: int | None = None) -> Knots:
+        """Interior knots of the multiplicity that gives the continuity, degree - 1 unless told."""
+        inner = 1 if continuity is None else degree - continuity
+        counts = (degree + 1, *[inner] * (len(breaks) - 2), degree + 1)
+        return cls(tuple(float(b) for b in breaks), counts, degree)
+
+    @classmethod
+    def normalised(cls, breaks: Array, multiplicities: tuple[int, ...], degree: int) -> Knots:
+        """Knots of any interval, mapped to [0, 1]."""
+        values = (breaks - breaks[0]) / (breaks[-1] - breaks[0])
+        return cls(tuple(values.tolist()), tuple(multiplicities), degree)
+
+    def subdivided(self, parts: int) -> Knots:
+        """The same splines, each span seen as several: the new breaks have multiplicity 0."""
+        breaks = np.array(self.breaks)
+        inner = breaks[:-1, None] + np.diff(breaks)[:, None] * np.arange(parts) / parts
+        counts = [count for m in self.multiplicities[:-1] for count in (m, *[0] * (parts - 1))]
+        return Knots((*inner.reshape(-1).tolist(), 1.0), (*counts, self.multiplicities[-1]), self.degree)
+
+    @property
+    def spans(self) -> int:
+        """Number of spans."""
+        return len(self.breaks) - 1
+
+    @property
+    def poles(self) -> int:
+        """Number of poles."""
+        return sum(self.multiplicities) - self.degree - 1
+
+    @property
+    def flat(self) -> Array:
+        """Each knot repeated by its multiplicity."""
+        return np.repeat(self.breaks, self.multiplicities)
+
+    @property
+    def first(self) -> NDArray[np.int_]:
+        """Index of the first basis function that lives on each span, shape (spans,)."""
+        return np.cumsum(self.multiplicities[:-1]) - self.degree - 1
+
+    def places(self, z: Array) -> Array:
+        """Parameters of the local coordinates z in [-1, 1] on every span, shape (spans, z.size)."""
+        breaks = np.array(self.breaks)
+        return (breaks[:-1, None] * (1 - z) + breaks[1:, None] * (1 + z)) / 2
+
+    @property
+    def widest(self) -> float:
+        """Largest half width of a span."""
+        return float(np.diff(self.breaks).max()) / 2
+
+
+def local_values(knots: Knots, z: Array) -> Array:
+    """Values of the degree + 1 functions that live on each span, shape (spans, z.size, degree + 1).
+
+    Cox-de Boor recursion, all terms non-negative: relative error at most about 5 (degree + 1) units.
+    """
+    return _local_values(knots, z.tobytes())
+
+
+@lru_cache(maxsize=256)
+def _local_values(knots: Knots, z: bytes) -> Array:
+    flat, degree = knots.flat, knots.degree
+    t = knots.places(np.frombuffer(z))
+    last = (knots.first + degree)[:, None]
+    left = [t - flat[last + 1 - j] for j in range(1, degree + 1)]
+    right = [flat[last + j] - t for j in range(1, degree + 1)]
+    values = np.zeros((*t.shape, degree + 1))
+    values[..., 0] = 1.0
+    for j in range(1, degree + 1):
+        saved = np.zeros(t.shape)
+        for r in range(j):
+            share = values[..., r] / (right[r] + left[j - r - 1])
+            values[..., r] = saved + right[r] * share
+            saved = left[j - r - 1] * share
+        values[..., j] = saved
+    values.flags.writeable = False
+    return values
+
+
+def end_derivatives(knots: Knots, order: int) -> tuple[Array, Array]:
+    """Derivatives 0..order of the first order + 1 functions at 0, and of the last ones at 1, outermost first.
+
+    Both lower triangular, shape (order + 1, order + 1): row k gives the k-th derivative.
+    """
+    flat = knots.flat
+    start = _end_triangle(flat, knots.degree, order)
+    end = _end_triangle(1 - flat[::-1], knots.degree, order)
+    return start, end * (-1.0) ** np.arange(order + 1)[:, None]
+
+
+def _end_triangle(flat: Array, degree: int, order: int) -> Array:
+    """The k-th derivative at the first knot is a k-th divided difference of the first k + 1 poles."""
+    poles = np.eye(order + 1)
+    triangle = np.zeros((order + 1, order + 1))
+    for k in range(order + 1):
+        triangle[k] = poles[0] * math.perm(degree, k)
+        low = flat[k + 1 : order + 1]
+        gaps = flat[degree + 1 : degree + 1 + len(low)] - low
+        poles = np.diff(poles, axis=0) / gaps[:, None]
+    return triangle
+
+
+def dense(local: Array, columns: NDArray[np.int_], poles: int) -> Array:
+    """Values of all basis functions from the local ones, shape (spans * places, poles)."""
+    spans, places, _ = local.shape
+    matrix = np.zeros((spans, places, poles))
+    np.put_along_axis(matrix, np.broadcast_to(columns[:, None], local.shape), local, axis=2)
+    return matrix.reshape(-1, poles)

@@ -1,0 +1,5 @@
+"""``python -m gtcad`` is the command ``gtcad``."""
+
+from gtcad.cli import main
+
+main()

@@ -1,0 +1,100 @@
+"""The values of command-line options: judged before any file is opened."""
+
+from __future__ import annotations
+
+import math
+import re
+from datetime import datetime
+from pathlib import Path
+
+from gtcad._documents import SUFFIXES
+
+FORMATS = {".step": "STEP", ".stp": "STEP", ".igs": "IGES", ".iges": "IGES", ".brep": "BREP"}
+SCHEMAS = ("AP242", "AP214", "AP203")
+MILLIMETRES = {"": 1.0, "mm": 1.0, "um": 1e-3, "nm": 1e-6, "cm": 10.0, "m": 1e3, "in": 25.4, "ft": 304.8}
+DEGREES = (3, 25)
+END_ORDERS = (0, 3)
+
+_LENGTH = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*([a-z]*)", re.IGNORECASE)
+
+
+class Refused(ValueError):
+    """A value that an option does not take; the message says what it takes."""
+
+
+def length(text: str) -> float:
+    """A positive length in mm from a text such as "1e-4", "1e-4in" or "0.1 um"."""
+    match = _LENGTH.fullmatch(text.strip())
+    unit = match[2].lower() if match else ""
+    if match is None or unit not in MILLIMETRES:
+        units = ", ".join(filter(None, MILLIMETRES))
+        raise Refused(f"must be a length in mm or with a unit ({units}), such as 1e-4 or 1e-5in, got {text!r}")
+    value = float(match[1]) * MILLIMETRES[unit]
+    if not 0 < value < math.inf:
+        raise Refused(f"must be positive and finite, got {text!r}")
+    return value
+
+
+def whole_number(text: str, least: int, most: int) -> int:
+    """A whole number from least to most."""
+    if not re.fullmatch(r"[-+]?[0-9]{1,9}", text) or not least <= int(text) <= most:
+        raise Refused(f"must be a whole number from {least} to {most}, got {text!r}")
+    return int(text)
+
+
+def degree(text: str) -> int | str:
+    """A degree of a spline, or "auto"."""
+    try:
+        return text if text == "auto" else degree_number(text)
+    except Refused as error:
+        raise Refused(str(error).replace(", got", ", or auto, got")) from None
+
+
+def degree_number(text: str) -> int:
+    """A degree of a spline."""
+    return whole_number(text, *DEGREES)
+
+
+def end_order(text: str) -> int:
+    """How many derivatives are exact at the ends."""
+    return whole_number(text, *END_ORDERS)
+
+
+def schema(text: str) -> str:
+    """The name of a STEP schema, in upper case."""
+    if text.upper() not in SCHEMAS:
+        raise Refused(f"must be one of {', '.join(SCHEMAS)}, got {text!r}")
+    return text.upper()
+
+
+def timestamp(text: str) -> datetime:
+    """A time in ISO 8601, such as 2024-05-31T12:00:00."""
+    try:
+        return datetime.fromisoformat(text)
+    except ValueError:
+        raise Refused(f"must be a time such as 2024-05-31T12:00:00, got {text!r}") from None
+
+
+def exchange_format(path: str) -> str:
+    """STEP, IGES or BREP, by the suffix of the file's name."""
+    suffix = Path(path).suffix.lower()
+    if suffix not in FORMATS:
+        raise Refused(f"must end in one of {', '.join(FORMATS)}, got {path!r}")
+    return FORMATS[suffix]
+
+
+def model_path(path: str) -> str:
+    """The name of a model file."""
+    if Path(path).suffix.lower() not in SUFFIXES:
+        raise Refused(f"must be a model, ending in {' or '.join(SUFFIXES)}, got {path!r}")
+    return path
+
+
+def any_format(path: str) -> str:
+    """MODEL, STEP, IGES or BREP, by the suffix of the file's name."""
+    suffix = Path(path).suffix.lower()
+    if suffix in SUFFIXES:
+        return "MODEL"
+    if suffix not in FORMATS:
+        raise Refused(f"must end in one of {', '.join((*SUFFIXES, *FORMATS))}, got {path!r}")
+    return FORMATS[suffix]

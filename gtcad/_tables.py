@@ -1,0 +1,132 @@
+"""What the command prints: tables that fit 80 columns, plain when no terminal reads them."""
+
+from __future__ import annotations
+
+import contextlib
+import decimal
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+NAME = "name"  # the column that gives way when a table gets too wide
+LEAST_NAME = 12
+
+
+def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print rows of texts under their headings on stdout, literally.
+
+    Parameters
+    ----------
+    columns
+        The headings; the column "name" is shortened first when the table is too wide.
+    rows
+        As many texts in each as there are columns.
+    """
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    console = Console(highlight=False, emoji=False)
+    texts = [[Text(printable(cell)) for cell in row] for row in rows]
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
+    for index, heading in enumerate(columns):
+        if heading == NAME:
+            others = sum(
+                max(text.cell_len for text in column) + 3
+                for number, column in enumerate(zip(map(Text, columns), *texts, strict=True))
+                if number != index
+            )
+            room = max(console.width - others, LEAST_NAME)
+            table.add_column(Text(heading), overflow="ellipsis", no_wrap=True, max_width=room)
+        else:
+            table.add_column(Text(heading), overflow="fold")
+    for row in texts:
+        table.add_row(*row)
+    console.print(table)
+
+
+def printable(text: str) -> str:
+    """The text with everything that could command a terminal written out."""
+    return text if text.isprintable() else repr(text)[1:-1]
+
+
+def message(text: str) -> None:
+    """Print a message on stderr, line by line."""
+    for line in text.split("\n"):
+        print(printable(line), file=sys.stderr)
+
+
+def product(sizes: Sequence[int]) -> str:
+    """Counts or degrees of the directions, such as "13x12"."""
+    return "x".join(map(str, sizes))
+
+
+def interval(bounds: tuple[float, float] | None) -> str:
+    """A pair (lower, upper) with three digits, rounded outwards: what is printed is still proved."""
+    if bounds is None or not all(map(math.isfinite, bounds)):
+        return "-"
+    return f"{_rounded(bounds[0], decimal.ROUND_FLOOR)} .. {_rounded(bounds[1], decimal.ROUND_CEILING)}"
+
+
+def _rounded(value: float, rounding: str) -> str:
+    return f"{decimal.Context(prec=3, rounding=rounding).create_decimal(value):.2e}" if value else "0"
+
+
+def export_row(shape: Mapping[str, Any]) -> list[str]:
+    """Name, poles, degree, deviation and form of a fitted shape."""
+    if "error" in shape:
+        return [shape["name"], "-", "-", "-", "failed"]
+    form = "exact" if shape["exact"] else "fitted"
+    return [shape["name"], product(shape["poles"]), product(shape["degree"]), interval(shape["deviation"]), form]
+
+
+def model_row(shape: Mapping[str, Any]) -> list[str]:
+    """Name, kind, degree, poles, colour and remark of a shape of a model."""
+    remark = "" if shape["range"] is None else f"part {json.dumps(shape['range'])}"
+    kind = f"{'/'.join(dict.fromkeys(shape['families']))} {shape['kind']}"
+    return [shape["name"], kind, *_columns(shape), remark]
+
+
+def part_row(shape: Mapping[str, Any]) -> list[str]:
+    """Name, kind, degree, poles, colour and remark of a part of an exchange file."""
+    remarks = ["trimmed"] if shape["trimmed"] else []
+    remarks += [] if shape["valid"] else ["invalid"]
+    return [shape["name"], shape["entity"].lower(), *_columns(shape), ", ".join(remarks)]
+
+
+def _columns(shape: Mapping[str, Any]) -> list[str]:
+    return [product(shape["degree"]) or "-", product(shape["poles"]) or "-", shape["color"] or "-"]
+
+
+def size(box: Mapping[str, list[float]] | None) -> str:
+    """The lengths of the sides of a box in mm."""
+    if box is None:
+        return "none: it holds no shapes"
+    sides = (most - least for least, most in zip(box["least"], box["most"], strict=True))
+    return " x ".join(f"{side:.6g}" for side in sides) + " mm (control points)"
+
+
+def plain(value: Any) -> Any:
+    """The value as JSON can hold it: infinite and undefined numbers become null."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, dict):
+        return {key: plain(entry) for key, entry in value.items()}
+    return [plain(entry) for entry in value] if isinstance(value, list | tuple) else value
+
+
+@contextlib.contextmanager
+def progress(what: str, total: int) -> Iterator[Callable[[], None]]:
+    """A bar on stderr while the block runs, if a terminal shows it; the block calls what it is given once a step."""
+    if not sys.stderr or not sys.stderr.isatty():
+        yield lambda: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=total)
+        yield lambda: bar.advance(task)

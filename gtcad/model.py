@@ -1,0 +1,288 @@
+"""Model files: shapes by name in JSON or TOML, read with errors that name every wrong place at once.
+
+A model file in TOML; the same keys make the JSON one::
+
+    gtcad = 1                # version of the format
+    unit = "mm"              # mm (default), cm, m, in, ft
+
+    [[shape]]
+    name = "arch"
+    kind = "curve"           # or "surface"
+    color = "#1f77b4"        # optional
+    gamma = [0.2, -0.3]      # surfaces: gamma_u, gamma_v
+    range = [0.0, 0.75]      # optional: a part of the domain; surfaces: [[0.0, 1.0], [0.25, 0.75]]
+    control_points = [
+      [0.0, 0.0],
+      [50.0, 80.0],
+      [100.0, 0.0]
+    ]
+
+``family = "bernstein"`` (``family_u``, ``family_v`` for one direction of a surface) asks for the
+classical Bezier basis.
+"""
+
+from __future__ import annotations
+
+import difflib
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from gtcad import _checks as checks
+from gtcad._documents import Location, Problem, document_text, model_suffix, read_document, shown
+from gtcad._files import written_whole
+from gtcad._kinds import ENTRIES, MILLIMETRES, VERSION, ModelFile, entry_of
+from gtcad.errors import InputError, ModelError
+from gtcad.protocol import Shape
+
+MAX_PROBLEMS = 50  # more lines than this help nobody
+
+
+@dataclass(frozen=True, eq=False)
+class Model(Mapping[str, Shape]):
+    """Shapes by name, in the order of their file, with control points in the model's unit.
+
+    Parameters
+    ----------
+    shapes
+        The shapes by name.
+    unit
+        mm, cm, m, in or ft.
+    colors
+        The names that have a colour, and the colour as "#rrggbb".
+
+    Raises
+    ------
+    InputError
+        When a model file could not hold it.
+
+    Examples
+    --------
+    >>> from gtcad import Curve
+    >>> model = Model({"arch": Curve([[0, 0], [1, 2], [2, 0]])}, unit="in")
+    >>> model.in_millimetres()["arch"].evaluate(1.0).tolist()
+    [50.8, 0.0]
+    """
+
+    shapes: Mapping[str, Shape]
+    unit: str = "mm"
+    colors: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "shapes", MappingProxyType(dict(self.shapes)))
+        object.__setattr__(self, "colors", MappingProxyType(dict(self.colors)))
+        self.document()
+
+    def __getitem__(self, name: str) -> Shape:
+        return self.shapes[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.shapes)
+
+    def __len__(self) -> int:
+        return len(self.shapes)
+
+    def __eq__(self, other: object) -> bool:
+        """Whether unit, colours and shapes are equal, in the same order."""
+        if not isinstance(other, Model):
+            return NotImplemented
+        return (self.unit, self.colors, list(self.items())) == (other.unit, other.colors, list(other.items()))
+
+    def __hash__(self) -> int:
+        return hash((self.unit, tuple(self.shapes)))
+
+    def in_millimetres(self) -> dict[str, Shape]:
+        """The shapes by name, scaled to millimetres; the very same objects when the unit is mm."""
+        factor = MILLIMETRES[self.unit]
+        if factor == 1:
+            return dict(self)
+        return {name: shape.transformed(factor * np.eye(shape.dimension)) for name, shape in self.items()}
+
+    def document(self) -> dict[str, Any]:
+        """The plain data of the model's file.
+
+        Raises
+        ------
+        InputError
+            When a model file could not hold it.
+        """
+        strangers = [name for name in self.colors if name not in self.shapes]
+        if strangers:
+            raise InputError(f"colors names a shape that the model does not have: {strangers[0]!r}")
+        entries = [entry_of(name, shape, self.colors.get(name)) for name, shape in self.items()]
+        data = {"gtcad": VERSION, "unit": self.unit, "shape": entries}
+        try:
+            ModelFile.model_validate(data)
+        except ValidationError as error:
+            raise InputError("\n".join(_lines(data, _translated(data, error)))) from None
+        return data
+
+
+def load_model(path: str | os.PathLike[str]) -> Model:
+    """Read a model file, JSON or TOML by its suffix.
+
+    Parameters
+    ----------
+    path
+        A file that ends in ``.json`` or ``.toml``.
+
+    Returns
+    -------
+    Model
+        The shapes by name, in the model's unit.
+
+    Raises
+    ------
+    FileError
+        When the file is missing, unreadable, or has another suffix.
+    ModelError
+        When it is not a model; ``problems`` names all that is wrong with it, at most fifty.
+    """
+    data, problems = read_document(path)
+    shapes: dict[str, Shape] = {}
+    problems += _name_problems(data)
+    try:
+        content = ModelFile.model_validate(data)
+    except ValidationError as error:
+        raise ModelError(str(path), _lines(data, problems + _translated(data, error))) from None
+    for index, entry in enumerate(content.shape):
+        try:
+            shapes[entry.name] = entry.build()
+        except InputError as error:
+            problems.append((("shape", index), str(error)))
+    if problems:
+        raise ModelError(str(path), _lines(data, problems))
+    colors = {entry.name: entry.color for entry in content.shape if entry.color is not None}
+    return Model(shapes, content.unit, colors)
+
+
+def dump_model(
+    model: Mapping[str, Shape],
+    path: str | os.PathLike[str],
+    *,
+    unit: str | None = None,
+    colors: Mapping[str, str] | None = None,
+) -> None:
+    """Write shapes to a model file, JSON or TOML by its suffix, so that reading it gives back equal ones, bit for bit.
+
+    Parameters
+    ----------
+    model
+        A `Model`, or shapes by name.
+    path
+        A file that ends in ``.json`` or ``.toml``.
+    unit
+        The unit that the control points are in: mm by default, and always that of a `Model`.
+    colors
+        Colours by name, "#rrggbb"; those of a `Model` by default.
+
+    Raises
+    ------
+    InputError
+        When a model file cannot hold the shapes.
+    FileError
+        When the file cannot be written or has another suffix.
+    """
+    suffix = model_suffix(path)
+    if isinstance(model, Model):
+        if unit not in (None, model.unit):
+            raise InputError(f"unit must be that of the model, {model.unit}, got {unit!r}")
+        unit, colors = model.unit, model.colors if colors is None else colors
+    document = Model(model, unit or "mm", colors or {}).document()
+    with written_whole(path) as temporary:
+        temporary.write_text(document_text(document, suffix), encoding="utf-8", newline="\n")
+
+
+def schema() -> dict[str, Any]:
+    """The JSON Schema of model files, which holds for TOML ones too."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **ModelFile.model_json_schema()}
+
+
+def _name_problems(data: Mapping[str, Any]) -> Iterator[Problem]:
+    first: dict[str, int] = {}
+    for index, shape in enumerate(_shapes(data)):
+        name = shape.get("name") if isinstance(shape, dict) else None
+        if isinstance(name, str) and first.setdefault(name, index) != index:
+            yield ("shape", index, "name"), f"is already the name of shape no. {first[name] + 1}"
+
+
+def _shapes(data: Mapping[str, Any]) -> Sequence[Any]:
+    shapes = data.get("shape")
+    return shapes if isinstance(shapes, list) else []
+
+
+def _translated(data: Mapping[str, Any], error: ValidationError) -> list[Problem]:
+    """What pydantic found, in the words of this project."""
+    problems: list[Problem] = []
+    for found in error.errors(include_url=False):
+        location = tuple(found["loc"])
+        if location[:1] == ("shape",) and location[2:3] and location[2] in ENTRIES:
+            location = (*location[:2], *location[3:])  # pydantic names the kind there
+        problems.append(_in_our_words(data, location, found))
+    return problems
+
+
+def _in_our_words(data: Mapping[str, Any], location: Location, found: Mapping[str, Any]) -> Problem:
+    given = found["input"]
+    match found["type"]:
+        case checks.MESSAGE:
+            message = found["ctx"]["message"]
+        case "missing":
+            message = "is missing" + (f" (this program reads version {VERSION})" if location == ("gtcad",) else "")
+        case "extra_forbidden":
+            message = "is not a field of this format" + _meant(data, location)
+        case "union_tag_not_found":
+            location, message = (*location, "kind"), f"is missing; must be one of {', '.join(ENTRIES)}"
+        case "union_tag_invalid":
+            location = (*location, "kind")
+            message = f"must be one of {', '.join(ENTRIES)}, got {shown(given['kind'])}"
+        case "list_type":
+            message = f"must be a list of shapes, got {shown(given)}"
+        case "too_short":
+            message = "must hold one shape at least"
+        case "string_unicode":
+            message = f"is not Unicode text: {shown(given)}"
+        case _:
+            message = f"must be an object with the fields of a shape, got {shown(given)}"
+    return location, message
+
+
+def _meant(data: Mapping[str, Any], location: Location) -> str:
+    entry = ENTRIES[_shapes(data)[int(location[1])]["kind"]] if location[0] == "shape" else ModelFile
+    close = difflib.get_close_matches(str(location[-1]), entry.model_fields, n=1)
+    return f"; did you mean {close[0]}?" if close else ""
+
+
+def _lines(data: Mapping[str, Any], problems: Sequence[Problem]) -> list[str]:
+    """One line for each problem, shape by shape; those that are too many are only counted."""
+    ordered = sorted(
+        problems, key=lambda problem: int(problem[0][1]) if problem[0][:1] == ("shape",) and len(problem[0]) > 1 else -1
+    )
+    lines = [_line(data, location, message) for location, message in ordered]
+    if len(lines) > MAX_PROBLEMS:
+        lines[MAX_PROBLEMS:] = [f"and {len(lines) - MAX_PROBLEMS} more problems"]
+    return lines
+
+
+def _line(data: Mapping[str, Any], location: Location, message: str) -> str:
+    where = ""
+    if location[:1] == ("shape",) and len(location) > 1:
+        shape = _shapes(data)[int(location[1])]
+        name = shape.get("name") if isinstance(shape, dict) else None
+        number = int(location[1]) + 1
+        where = f"shape {shown(name)} (no. {number})" if isinstance(name, str) else f"shape no. {number}"
+        location = location[2:]
+    path = ""
+    for part in location:
+        path += (
+            f"[{part}]"
+            if isinstance(part, int)
+            else ("." if path else "") + (part if part.isidentifier() else shown(part))
+        )
+    where = ", ".join(filter(None, (where, path)))
+    return f"{where}: {message}" if where else message
