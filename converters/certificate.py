@@ -11,6 +11,7 @@ difference is bounded and divided by the least denominator of the span.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -51,7 +52,12 @@ class Certificate:
 
 
 def certify_curve(
-    curve: SeparableCurve, spline: BSplineCurve, *, parameter_map: ParameterMap = IDENTITY, rtol: float = 0.01
+    curve: SeparableCurve,
+    spline: BSplineCurve,
+    *,
+    parameter_map: ParameterMap = IDENTITY,
+    rtol: float = 0.01,
+    resolution: float = 0.0,
 ) -> Certificate:
     """Prove how far the spline is from the curve.
 
@@ -64,7 +70,9 @@ def certify_curve(
     parameter_map
         Which parameter of the curve each parameter of the spline is held against.
     rtol
-        Wanted ``upper / lower - 1`` beyond rounding.
+        Wanted ``upper / lower - 1`` beyond rounding and tails.
+    resolution
+        Tails up to this length are good enough: they are part of the upper bound, and shorter series are faster.
 
     Raises
     ------
@@ -74,7 +82,8 @@ def certify_curve(
     _check_dimension(curve.dimension, spline.dimension)
     rational = spline.weights is not None
     knots = Knots.normalised(spline.knots, spline.multiplicities, spline.degree)
-    side = _Direction.of(curve.factors, knots, parameter_map, rational=rational)
+    size = _size(curve.coefficients, spline.control_points)
+    side = _Direction.of(curve.factors, knots, parameter_map, rational, resolution / size)
     poles = spline.homogeneous[side.columns]
     model = side.shape_rows @ curve.coefficients
     difference = _numerator(model, side.local @ poles, side.denominator[..., None], rational)
@@ -82,8 +91,8 @@ def certify_curve(
     least, most = least * side.least_denominator, most * side.most_denominator
     found = maximum(transform(side.count) @ difference / least[:, None, None], rtol=rtol)
     slack = side.tail + lebesgue(side.count) * (side.rounding + 8 * UNIT_ROUNDOFF)
-    size = _size(curve.coefficients, spline.control_points) * float((most / least).max())
-    return _certificate(found, slack * size, (side.parameter(found.index, found.place[0]),))
+    slack *= size * float((most / least).max())
+    return _certificate(found, slack, (side.parameter(found.index, found.place[0]),))
 
 
 def certify_surface(
@@ -92,6 +101,7 @@ def certify_surface(
     *,
     parameter_maps: tuple[ParameterMap, ParameterMap] = (IDENTITY, IDENTITY),
     rtol: float = 0.01,
+    resolution: float = 0.0,
 ) -> Certificate:
     """Prove how far the spline surface is from the surface; see ``certify_curve``.
 
@@ -104,15 +114,15 @@ def certify_surface(
     rational = spline.weights is not None
     knots_u = Knots.normalised(spline.knots_u, spline.multiplicities_u, spline.degree_u)
     knots_v = Knots.normalised(spline.knots_v, spline.multiplicities_v, spline.degree_v)
-    u = _Direction.of(surface.factors_u, knots_u, parameter_maps[0], rational=rational)
-    v = _Direction.of(surface.factors_v, knots_v, parameter_maps[1], rational=rational)
+    size = _size(surface.coefficients, spline.control_points)
+    u = _Direction.of(surface.factors_u, knots_u, parameter_maps[0], rational, resolution / size)
+    v = _Direction.of(surface.factors_v, knots_v, parameter_maps[1], rational, resolution / size)
     least, most = _weight_range(spline.weights, (u, v))
     least = least * np.outer(u.least_denominator, v.least_denominator)
     most = most * np.outer(u.most_denominator, v.most_denominator)
     tail = u.tail * surface.factors_v.bound + lebesgue(u.count) * v.tail * surface.factors_u.bound
     rounding = u.rounding * surface.factors_v.bound + v.rounding * surface.factors_u.bound + 16 * UNIT_ROUNDOFF
-    size = _size(surface.coefficients, spline.control_points) * float((most / least).max())
-    slack = size * (tail + lebesgue(u.count) * lebesgue(v.count) * rounding)
+    slack = size * float((most / least).max()) * (tail + lebesgue(u.count) * lebesgue(v.count) * rounding)
     blocks = []
     step = max(1, _BLOCK // (u.count * v.count * v.spans * (spline.dimension + 1)))
     for start in range(0, u.spans, step):
@@ -164,12 +174,17 @@ class _Direction:
         return float(self.map(self.knots.places(np.array([z]))[span, 0]))
 
     @staticmethod
-    def of(factors: Factors, knots: Knots, parameter_map: ParameterMap, *, rational: bool) -> _Direction:
-        return _direction(KeyedFactors(factors), knots, parameter_map, rational)
+    def of(
+        factors: Factors, knots: Knots, parameter_map: ParameterMap, rational: bool, resolution: float
+    ) -> _Direction:
+        decades = math.floor(math.log10(max(resolution, _NEGLIGIBLE)))  # a few steps only: results are cached
+        return _direction(KeyedFactors(factors), knots, parameter_map, rational, max(10.0**decades, _NEGLIGIBLE))
 
 
 @lru_cache(maxsize=64)
-def _direction(kept: KeyedFactors, knots: Knots, parameter_map: ParameterMap, rational: bool) -> _Direction:
+def _direction(
+    kept: KeyedFactors, knots: Knots, parameter_map: ParameterMap, rational: bool, resolution: float
+) -> _Direction:
     factors = kept.factors
     mapped = None if parameter_map == IDENTITY else MappedFactors.of(factors, parameter_map)
     extra = 0
@@ -179,7 +194,7 @@ def _direction(kept: KeyedFactors, knots: Knots, parameter_map: ParameterMap, ra
     if mapped is not None:
         count, tail = max(mapped.degree, knots.degree) + extra + 1, 0.0
     else:
-        count, tail = _node_count(factors, knots, extra)
+        count, tail = _node_count(factors, knots, extra, resolution)
     z = nodes(count)
     t = knots.places(z)
     rows = (mapped or factors).rows(t.reshape(-1))
@@ -200,11 +215,11 @@ def _direction(kept: KeyedFactors, knots: Knots, parameter_map: ParameterMap, ra
     )
 
 
-def _node_count(factors: Factors, knots: Knots, extra: int) -> tuple[int, float]:
-    """Chebyshev zeros for which the shape's tail on every span drowns in rounding, and that tail."""
+def _node_count(factors: Factors, knots: Knots, extra: int, resolution: float) -> tuple[int, float]:
+    """Chebyshev zeros for which the shape's tail on every span is within the resolution, and that tail."""
     for count in range(knots.degree + 1, _MAX_NODES):
         tail = factors.interpolation_tail(knots.widest, count)
-        if tail <= _NEGLIGIBLE:
+        if tail <= resolution:
             return count + extra, tail * (1 + lebesgue(count + extra)) if extra else tail
     raise InputError(f"the shape's factors are not resolved by {_MAX_NODES} Chebyshev points on a span")
 

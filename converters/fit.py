@@ -32,6 +32,7 @@ _LEAST_DEGREE = 3
 _MAX_END_ORDER = 3
 _SPANS_OF_A_FAILURE = 64  # a surface that fails is not tried with the full limit, only to name a figure
 _COARSE, _FINE = 0.01, 0.001  # relative width of a certificate, and of one that decides a near miss
+_TAIL = 1e-3  # of the tolerance may go into the tails of series
 _SNAP = 64 * UNIT_ROUNDOFF  # of the size: poles that differ by less were meant to be equal
 
 
@@ -124,7 +125,7 @@ def fit_curve(
 
     def proof(one: Approximation) -> _Proved | None:
         spline = _curve_spline(one, curve)
-        return attempt.prove(spline, lambda rtol: certify_curve(curve, spline, rtol=rtol), one)
+        return attempt.prove(spline, lambda rtol: certify_curve(curve, spline, rtol=rtol, resolution=_TAIL * tolerance), one)
 
     proved = fewest(side, tolerance, proof, adapt=adapt)
     if proved is None:
@@ -169,7 +170,7 @@ def fit_surface(
 
     def proof(a: Approximation, b: Approximation) -> _Proved | None:
         spline = _surface_spline(a, b, surface)
-        return attempt.prove(spline, lambda rtol: certify_surface(surface, spline, rtol=rtol), a, b)
+        return attempt.prove(spline, lambda rtol: certify_surface(surface, spline, rtol=rtol, resolution=_TAIL * tolerance), a, b)
 
     proved = fewest_pair(u, v, tolerance, proof, surface.coefficients, adapt=adapt)
     if proved is None:

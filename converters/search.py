@@ -298,9 +298,10 @@ def _combined(a: Approximation, b: Approximation, coefficients: Array) -> float:
     """Largest error of the tensor product on the samples of both."""
     if a.error + b.error == 0:
         return 0.0
-    lines = np.tensordot(a.values, coefficients, 1), np.tensordot(a.residual, coefficients, 1)
-    # S - spline = F c G - (F - f) c (G - g), with f and g the residuals
-    difference = np.einsum("uvd,vp->upd", lines[0], b.residual.T, optimize=True) + np.einsum(
-        "uvd,vp->upd", lines[1], (b.values - b.residual).T, optimize=True
-    )
-    return float(np.sqrt(np.einsum("upd,upd->up", difference, difference).max()))
+    swapped = coefficients.swapaxes(1, 2)
+    count, dimension, other = swapped.shape
+    # S - spline = F c G - (F - f) c (G - g) = F c g + f c (G - g), with f and g the residuals
+    whole, rest = ((rows @ swapped.reshape(count, -1)).reshape(-1, other) for rows in (a.values, a.residual))
+    difference = whole @ b.residual.T + rest @ (b.values - b.residual).T
+    squares = np.square(difference).reshape(-1, dimension, difference.shape[1]).sum(axis=1)
+    return math.sqrt(float(squares.max()))

@@ -22,7 +22,7 @@ def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     columns
         The headings; the column "name" is shortened first when the table is too wide.
     rows
-        As many texts in each as there are columns.
+        As many texts in each as there are columns; a column of empty texts is left out.
     """
     from rich import box
     from rich.console import Console
@@ -30,7 +30,9 @@ def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     from rich.text import Text
 
     console = Console(highlight=False, emoji=False)
-    texts = [[Text(printable(cell)) for cell in row] for row in rows]
+    used = [index for index in range(len(columns)) if any(row[index] for row in rows)]
+    columns = [columns[index] for index in used]
+    texts = [[Text(printable(row[index])) for index in used] for row in rows]
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False)
     for index, heading in enumerate(columns):
         if heading == NAME:

@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 UNIT_ROUNDOFF = 2.0**-53
-_VALUES_AT_ONCE = 400_000  # floats in one block of samples: stays in cache, bounds the memory
+_VALUES_AT_ONCE = 200_000  # floats in one block of samples: stays in cache, bounds the memory
+_STAGES = (2.5, 5.0, 9.0)  # nodes for each degree on the way to the final number: sieves out series that cannot matter
 
 
 @lru_cache(maxsize=128)
@@ -120,46 +121,40 @@ def maximum(coefficients: Array, *, rtol: float = 0.01) -> Maximum:
     Maximum
         With ``upper <= (1 + rtol) lower``, up to rounding.
     """
-    variables = coefficients.ndim - 2
-    degrees = tuple(size - 1 for size in coefficients.shape[1:-1])
-    norms = _norms(coefficients)
+    series = np.ascontiguousarray(np.moveaxis(coefficients, -1, 1))  # (B, d, K[, L])
+    variables = series.ndim - 2
+    norms = np.sqrt(np.square(series).sum(axis=1))
     totals = norms.reshape(len(norms), -1).sum(axis=1)
     quick = totals.copy()
     best = Maximum(0.0, 0.0, 0, (0.0,) * variables)
-    active = np.argsort(-quick)
-    for ratio in (2.0, _node_ratio(rtol / 2, variables)):
-        active = active[quick[active] > (1 + rtol) * best.lower]
+    for ratio in (1.5, *(r for r in _STAGES if r < _node_ratio(rtol / 2, variables)), _node_ratio(rtol / 2, variables)):
+        active = np.flatnonzero(quick > (1 + rtol) * best.lower)
         if not active.size:
             break
-        kept = _effective_degrees(norms[active], degrees, rtol / 4 * max(best.lower, quick.max() / 4))
+        active = active[np.argsort(-quick[active])]
+        kept = _effective_degrees(norms[active], rtol / 4 * max(best.lower, quick.max() / 4))
         shape = tuple(math.ceil(ratio * max(k, 1)) + 1 for k in kept)
         factor = math.prod(1 / math.cos(math.pi * k / (2 * m)) for k, m in zip(kept, shape, strict=True))
-        head = coefficients[active][(slice(None), *(slice(0, k + 1) for k in kept))]
-        beyond = totals[active] - _head_sum(norms[active], kept)
-        block = max(1, _VALUES_AT_ONCE // (math.prod(shape) * coefficients.shape[-1]))
-        bounds = quick[active]
+        head = tuple(slice(0, k + 1) for k in kept)
+        beyond = totals[active] - norms[active][(slice(None), *head)].sum(axis=tuple(range(1, variables + 1)))
+        block = max(1, _VALUES_AT_ONCE // (math.prod(shape) * series.shape[1]))
         for start in range(0, len(active), block):
-            if bounds[start] <= (1 + rtol) * best.lower:
+            part = active[start : start + block]
+            if quick[part[0]] <= (1 + rtol) * best.lower:
                 break  # sorted: no later one can matter
-            part = slice(start, start + block)
-            samples = _norms(_sample(head[part], shape)).reshape(len(head[part]), -1)
+            samples = _sample(series[part][(slice(None), slice(None), *head)], shape)
             where = samples.argmax(axis=1)
-            peaks = samples[np.arange(len(where)), where]
-            bounds[part] = np.minimum(bounds[part], peaks * factor + beyond[part])
-            first = int((peaks - beyond[part]).argmax())
-            lower = float(peaks[first] - beyond[start + first])
+            peaks = np.sqrt(samples[np.arange(len(part)), where])
+            rest = beyond[start : start + block]
+            quick[part] = np.minimum(quick[part], peaks * factor + rest)
+            first = int((peaks - rest).argmax())
+            lower = float(peaks[first] - rest[first])
             if lower > best.lower:
                 place = np.unravel_index(int(where[first]), shape)
                 z = tuple(float(nodes(m)[k]) for m, k in zip(shape, place, strict=True))
-                best = Maximum(lower, 0.0, int(active[start + first]), z)
-        quick[active] = bounds
-        active = active[np.argsort(-bounds)]
-    settled = float(quick.max(initial=0.0))
-    return Maximum(best.lower * (1 - 1e-12), settled * (1 + 1e-12), best.index, best.place)
-
-
-def _norms(vectors: Array) -> Array:
-    return np.sqrt(np.einsum("...d,...d->...", vectors, vectors))
+                best = Maximum(lower, 0.0, int(part[first]), z)
+    upper = float(quick.max(initial=0.0))
+    return Maximum(best.lower * (1 - 1e-12), upper * (1 + 1e-12), best.index, best.place)
 
 
 def _node_ratio(rtol: float, variables: int) -> float:
@@ -167,27 +162,21 @@ def _node_ratio(rtol: float, variables: int) -> float:
     return math.pi / 2 / math.acos((1 + rtol) ** (-1 / variables))
 
 
-def _effective_degrees(norms: Array, degrees: tuple[int, ...], allowance: float) -> tuple[int, ...]:
+def _effective_degrees(norms: Array, allowance: float) -> tuple[int, ...]:
     """Least degree in each variable beyond which every series' coefficient norms sum to at most the allowance."""
     kept = []
-    for axis, degree in enumerate(degrees):
-        others = tuple(a for a in range(1, norms.ndim) if a != axis + 1)
-        tails = norms.sum(axis=others)[:, ::-1].cumsum(axis=1)[:, ::-1].max(axis=0, initial=0.0)
-        beyond = np.flatnonzero(tails > allowance / len(degrees))
+    for axis in range(1, norms.ndim):
+        others = tuple(a for a in range(1, norms.ndim) if a != axis)
+        tails = norms.sum(axis=others)[:, ::-1].cumsum(axis=1)[:, ::-1].max(axis=0)
+        beyond = np.flatnonzero(tails > allowance / (norms.ndim - 1))
         kept.append(int(beyond[-1]) if len(beyond) else 0)
-        assert kept[-1] <= degree
     return tuple(kept)
 
 
-def _head_sum(norms: Array, kept: tuple[int, ...]) -> Array:
-    head = norms[(slice(None), *(slice(0, k + 1) for k in kept))]
-    return np.asarray(head.reshape(len(norms), -1).sum(axis=1))
-
-
-def _sample(coefficients: Array, shape: tuple[int, ...]) -> Array:
-    """Values on the tensor grid of Chebyshev zeros, shape (B, *shape, d)."""
-    values = evaluation(shape[0], coefficients.shape[1]) @ coefficients.reshape(*coefficients.shape[:2], -1)
-    if len(shape) == 1:
-        return values
-    values = values.reshape(-1, *coefficients.shape[2:])
-    return (evaluation(shape[1], coefficients.shape[2]) @ values).reshape(len(coefficients), *shape, -1)
+def _sample(series: Array, shape: tuple[int, ...]) -> Array:
+    """Squared norms on the tensor grid of Chebyshev zeros, shape (B, points)."""
+    values = series @ evaluation(shape[-1], series.shape[-1]).T
+    if len(shape) == 2:
+        values = evaluation(shape[0], series.shape[2]) @ values
+    np.square(values, out=values)
+    return np.asarray(values.sum(axis=1)).reshape(len(series), -1)

@@ -31,7 +31,7 @@ class Item:
     color: Color | None = None
 
 
-class _Document:
+class Document:
     """An XCAF document in mm; it must outlive its labels."""
 
     def __init__(self) -> None:
@@ -108,5 +108,3 @@ class _Document:
                 red, green, blue = (round(value, _COLOR_DIGITS) for value in color.Values(_Quantity.Quantity_TOC_sRGB))
                 return red, green, blue
         return None
-
-

@@ -1,17 +1,17 @@
-"""STEP, IGES and BREP through the kernel: bytes out, and shapes with names and colours in."""
+"""STEP, IGES and BREP through the kernel: parts to bytes, and files to parts."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from datetime import datetime
 from typing import Any, Literal
 
 import gtcad
-from gtcad.converters.occt.compat import LabelSequence, kernel_guard, kernel_module, listed
-from gtcad.converters.occt.topology import TOLERANCE, ShapeKey, pieces
+from gtcad.converters.occt.compat import kernel_guard, kernel_module
+from gtcad.converters.occt.document import Document, Item
+from gtcad.converters.occt.session import READING_IGES, READING_STEP, quiet, session, writing_iges, writing_step
+from gtcad.converters.occt.topology import TOLERANCE, pieces
 from gtcad.converters.part import Color
 from gtcad.errors import KernelError
 
@@ -20,29 +20,18 @@ _BRep = kernel_module("BRep")
 _BRepTools = kernel_module("BRepTools").BRepTools
 _IFSelect = kernel_module("IFSelect")
 _IGESCAFControl = kernel_module("IGESCAFControl")
-_IGESControl = kernel_module("IGESControl").IGESControl_Controller
-_IGESGraph = kernel_module("IGESGraph")
 _IGESData = kernel_module("IGESData")
-_Message = kernel_module("Message")
-_Quantity = kernel_module("Quantity")
-_Static = kernel_module("Interface").Interface_Static
+_IGESGraph = kernel_module("IGESGraph")
 _StepAP214 = kernel_module("StepAP214").StepAP214
 _STEPCAFControl = kernel_module("STEPCAFControl")
 _STEPControl = kernel_module("STEPControl")
 _StepData = kernel_module("StepData")
 _TCollection = kernel_module("TCollection")
-_TDataStd = kernel_module("TDataStd")
-_TDF = kernel_module("TDF")
-_TDocStd = kernel_module("TDocStd")
-_TopAbs = kernel_module("TopAbs")
-_TopLoc = kernel_module("TopLoc")
 _TopoDS = kernel_module("TopoDS")
-_XCAFDoc = kernel_module("XCAFDoc")
 
 Schema = Literal["AP242", "AP214", "AP203"]
 _SCHEMAS = {"AP242": "AP242DIS", "AP214": "AP214IS", "AP203": "AP203"}
 _REAL_FORMAT = "%.16E"  # 17 digits: every double comes back bit for bit
-_COLOR_DIGITS = 6  # the kernel keeps colours in single precision
 
 
 # --- writing ------------------------------------------------------------------------------------------------------
@@ -67,9 +56,8 @@ def step_bytes(items: Sequence[Item], *, schema: Schema, tolerance: float | None
     KernelError
         When the kernel refuses to write.
     """
-    settings = _writing(tolerance) | _WRITING_STEP | {"write.step.schema": _SCHEMAS[schema]}
-    with _session("writing STEP", settings):
-        writer, document, done = _STEPCAFControl.STEPCAFControl_Writer(), _Document(), 0
+    with session("writing STEP", writing_step(_SCHEMAS[schema], tolerance or TOLERANCE)):
+        writer, document, done = _STEPCAFControl.STEPCAFControl_Writer(), Document(), 0
         for i, item in enumerate(items):
             # label by label: in one go the kernel orders the colours by memory address
             if not writer.Transfer(document.add(item), _STEPControl.STEPControl_AsIs):
@@ -182,8 +170,8 @@ def iges_bytes(items: Sequence[Item], *, tolerance: float | None, timestamp: dat
     KernelError
         When the kernel refuses to write.
     """
-    with _session("writing IGES", _writing(tolerance) | _WRITING_IGES):
-        writer, document, done = _IGESCAFControl.IGESCAFControl_Writer(), _Document(), 0
+    with session("writing IGES", writing_iges(tolerance or TOLERANCE)):
+        writer, document, done = _IGESCAFControl.IGESCAFControl_Writer(), Document(), 0
         writer.SetColorMode(False)
         tops = []
         model = writer.Model()
@@ -252,8 +240,8 @@ def step_items(data: bytes) -> list[Item]:
     ValueError
         When the kernel cannot read it.
     """
-    with _session("reading STEP", _READING | _READING_STEP):
-        reader, document = _STEPCAFControl.STEPCAFControl_Reader(), _Document()
+    with session("reading STEP", READING_STEP):
+        reader, document = _STEPCAFControl.STEPCAFControl_Reader(), Document()
         if reader.ReadStream("gtcad", io.BytesIO(data)) != _IFSelect.IFSelect_RetDone:
             raise ValueError("the kernel cannot read it")
         if not reader.Transfer(document.data):
@@ -269,8 +257,8 @@ def iges_items(path: str) -> list[Item]:
     ValueError
         When the kernel cannot read it.
     """
-    with _session("reading IGES", _READING | _READING_IGES):
-        reader, document = _IGESCAFControl.IGESCAFControl_Reader(), _Document()
+    with session("reading IGES", READING_IGES):
+        reader, document = _IGESCAFControl.IGESCAFControl_Reader(), Document()
         # from a path: ReadStream ends the process for IGES
         if reader.ReadFile(path) != _IFSelect.IFSelect_RetDone:
             raise ValueError("the kernel cannot read it")

@@ -12,6 +12,7 @@ _IGESControl = kernel_module("IGESControl").IGESControl_Controller
 _Message = kernel_module("Message").Message
 _Static = kernel_module("Interface").Interface_Static
 _STEPCAFControl = kernel_module("STEPCAFControl").STEPCAFControl_Controller
+_UnitsMethods = kernel_module("UnitsMethods").UnitsMethods
 _STEPControl = kernel_module("STEPControl").STEPControl_Controller
 
 Settings = Mapping[str, str | int | float]
@@ -76,69 +77,96 @@ def _set_static(name: str, value: str | int | float) -> None:
 
 
 @contextmanager
-def _session(action: str, settings: Settings) -> Iterator[None]:
+def _millimetres() -> Iterator[None]:
+    """The kernel's own length unit, global too; its readers and writers set it and leave it."""
+    before = _UnitsMethods.GetCasCadeLengthUnit_s()
+    _UnitsMethods.SetCasCadeLengthUnit_s(1.0)
+    try:
+        yield
+    finally:
+        _UnitsMethods.SetCasCadeLengthUnit_s(before)
+
+
+@contextmanager
+def session(action: str, settings: Settings) -> Iterator[None]:
+    """Silence, parameters that do not leak, and the kernel's exceptions as KernelError."""
     with ExitStack() as stack:
         stack.enter_context(kernel_guard(action))
         stack.enter_context(quiet())
+        stack.enter_context(_millimetres())
         stack.enter_context(statics(settings))
         yield
 
 
-def _writing(tolerance: float | None) -> dict[str, str | int | float]:
+def _writing(tolerance: float) -> Settings:
     return {
+        "xstep.cascade.unit": "MM",
         "write.precision.mode": 2,  # the value below, not an average over the shapes
-        "write.precision.val": float(TOLERANCE if tolerance is None else tolerance),
+        "write.precision.val": float(tolerance),
         "write.surfacecurve.mode": 1,
     }
 
 
-_WRITING_STEP: dict[str, str | int | float] = {
-    "write.step.unit": "MM",
-    "xstep.cascade.unit": "MM",
-    "write.step.assembly": 2,
-    "write.step.tessellated": 2,
-    "write.step.vertex.mode": 0,
-    "write.step.nonmanifold": 0,
-    "write.step.product.name": "gtcad",
-    "write.stepcaf.subshapes.name": 0,
-}
-_WRITING_IGES: dict[str, str | int | float] = {
-    "write.iges.unit": "MM",
-    "xstep.cascade.unit": "MM",
-    "write.iges.brep.mode": 0,
-    "write.convertsurface.mode": 0,
-    "write.iges.plane.mode": 0,
-    "write.iges.header.author": "",
-    "write.iges.header.company": "",
-    "write.iges.header.product": "gtcad",
-    "write.iges.header.receiver": "",
-}
-_READING: dict[str, str | int | float] = {
+def writing_step(schema: str, tolerance: float) -> Settings:
+    """Every parameter that the STEP writer looks at; the tolerance, in mm, becomes the file's UNCERTAINTY."""
+    return {
+        **_writing(tolerance),
+        "write.step.schema": schema,
+        "write.step.unit": "MM",
+        "write.step.assembly": 2,
+        "write.step.tessellated": 2,
+        "write.step.vertex.mode": 0,
+        "write.step.nonmanifold": 0,
+        "write.step.product.name": "gtcad",
+        "write.stepcaf.subshapes.name": 0,
+    }
+
+
+def writing_iges(tolerance: float) -> Settings:
+    """Every parameter that the IGES writer looks at; the tolerance, in mm, becomes the file's resolution."""
+    return {
+        **_writing(tolerance),
+        "write.iges.unit": "MM",
+        "write.iges.brep.mode": 0,
+        "write.convertsurface.mode": 0,
+        "write.iges.plane.mode": 0,
+        "write.iges.offset.mode": 0,
+    }
+
+
+_READING: Settings = {
     "xstep.cascade.unit": "MM",
     "read.precision.mode": 0,
     "read.maxprecision.mode": 0,
     "read.maxprecision.val": 1.0,
     "read.stdsameparameter.mode": 0,
     "read.surfacecurve.mode": 0,
+    "read.encoderegularity.angle": 0.01,
 }
-_READING_STEP: dict[str, str | int | float] = {
+
+READING_STEP: Settings = {
+    **_READING,
     "read.step.product.mode": 1,
     "read.step.product.context": 1,
     "read.step.shape.repr": 1,
     "read.step.assembly.level": 1,
     "read.step.shape.relationship": 1,
     "read.step.shape.aspect": 1,
+    "read.step.constructivegeom.relationship": 0,
+    "read.step.all.shapes": 0,
+    "read.step.ideas": 0,
     "read.step.nonmanifold": 0,
+    "read.step.tessellated": 1,
     "read.step.root.transformation": 1,
     "read.step.codepage": "UTF8",
     "read.stepcaf.subshapes.name": 1,
     "step.angleunit.mode": 0,
 }
-_READING_IGES: dict[str, str | int | float] = {
+
+READING_IGES: Settings = {
+    **_READING,
     "read.iges.bspline.continuity": 0,
     "read.iges.bspline.approxd1.mode": 0,
     "read.iges.faulty.entities": 0,
     "read.iges.onlyvisible": 0,
 }
-
-
