@@ -27,7 +27,8 @@ from scipy.interpolate import BSpline
 
 from gtcad.chebyshev import nodes
 from gtcad.converters.spline_basis import Knots, dense, end_derivatives, local_values
-from gtcad.protocol import Factors, KeyedFactors
+from gtcad.factors import KeyedFactors
+from gtcad.protocol import Factors
 
 Array = NDArray[np.float64]
 

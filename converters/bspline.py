@@ -43,7 +43,9 @@ def _knots(
     values = np.array(knots, dtype=np.float64)
     counts = tuple(int(m) for m in multiplicities)
     if values.ndim != 1 or len(values) < 2 or len(values) != len(counts):
-        raise InputError(f"{name} needs one multiplicity for each of at least two knots, got {values.shape} knots and {len(counts)} multiplicities")
+        raise InputError(
+            f"{name} needs one multiplicity for each of at least two knots, got {values.shape} knots and {len(counts)} multiplicities"
+        )
     if not np.isfinite(values).all() or (np.diff(values) <= 0).any():
         raise InputError(f"{name} must be finite and strictly increasing, got {values.tolist()}")
     if not 1 <= degree <= MAX_DEGREE:
@@ -53,7 +55,9 @@ def _knots(
     if any(not 1 <= m <= degree for m in counts[1:-1]):
         raise InputError(f"{name}: interior multiplicities must lie in [1, {degree}], got {counts[1:-1]}")
     if sum(counts) != count + degree + 1:
-        raise InputError(f"{name}: multiplicities must add up to {count} poles + degree + 1 = {count + degree + 1}, got {sum(counts)}")
+        raise InputError(
+            f"{name}: multiplicities must add up to {count} poles + degree + 1 = {count + degree + 1}, got {sum(counts)}"
+        )
     values.flags.writeable = False
     return values, counts
 
@@ -129,6 +133,14 @@ class BSplineCurve:
 
         values = BSpline(self.flat_knots, self.homogeneous, self.degree)(np.asarray(t, dtype=np.float64))
         return _project(np.asarray(values), self.weights)
+
+    def derivative(self, t: ArrayLike) -> Array:
+        """First derivatives with respect to the spline's own parameter, shape t.shape + (d,)."""
+        from scipy.interpolate import BSpline
+
+        spline = BSpline(self.flat_knots, self.homogeneous, self.degree)
+        t = np.asarray(t, dtype=np.float64)
+        return _project_derivative(np.asarray(spline(t)), np.asarray(spline(t, 1)), self.weights)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,9 +222,39 @@ class BSplineSurface:
         """Points at the parameters (u, v), which broadcast: shape broadcast(u, v).shape + (d,)."""
         from scipy.interpolate import NdBSpline
 
-        u, v = np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64))
+        places = np.stack(
+            np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64)), axis=-1
+        )
         spline = NdBSpline((self.flat_knots_u, self.flat_knots_v), self.homogeneous, (self.degree_u, self.degree_v))
-        return _project(np.asarray(spline(np.stack([u, v], axis=-1))), self.weights)
+        return _project(np.asarray(spline(places)), self.weights)
+
+    def derivatives(self, u: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
+        """First partial derivatives in u and in v at (u, v), which broadcast: each broadcast(u, v).shape + (d,)."""
+        from scipy.interpolate import NdBSpline
+
+        places = np.stack(
+            np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64)), axis=-1
+        )
+        spline = NdBSpline((self.flat_knots_u, self.flat_knots_v), self.homogeneous, (self.degree_u, self.degree_v))
+        values = np.asarray(spline(places))
+        along_u, along_v = (
+            _project_derivative(values, np.asarray(spline(places, nu=orders)), self.weights)
+            for orders in ((1, 0), (0, 1))
+        )
+        return along_u, along_v
+
+    def transposed(self) -> BSplineSurface:
+        """The same points with u and v exchanged."""
+        return BSplineSurface(
+            self.control_points.swapaxes(0, 1),
+            self.knots_v,
+            self.multiplicities_v,
+            self.degree_v,
+            self.knots_u,
+            self.multiplicities_u,
+            self.degree_u,
+            None if self.weights is None else self.weights.T,
+        )
 
     def with_control_points(self, control_points: ArrayLike) -> BSplineSurface:
         """The surface over the same knots and weights with other control points."""
@@ -247,3 +289,11 @@ def _homogeneous(points: Array, weights: Array | None) -> Array:
 
 def _project(values: Array, weights: Array | None) -> Array:
     return values if weights is None else values[..., :-1] / values[..., -1:]
+
+
+def _project_derivative(values: Array, derivatives: Array, weights: Array | None) -> Array:
+    """The quotient rule."""
+    if weights is None:
+        return derivatives
+    points = values[..., :-1] / values[..., -1:]
+    return np.asarray((derivatives[..., :-1] - points * derivatives[..., -1:]) / values[..., -1:])

@@ -23,7 +23,8 @@ from gtcad.converters.bspline import BSplineCurve, BSplineSurface
 from gtcad.converters.exact import IDENTITY, MappedFactors, ParameterMap
 from gtcad.converters.spline_basis import Knots, local_values
 from gtcad.errors import InputError
-from gtcad.protocol import Factors, KeyedFactors, SeparableCurve, SeparableSurface
+from gtcad.factors import KeyedFactors
+from gtcad.protocol import Factors, SeparableCurve, SeparableSurface
 
 Array = NDArray[np.float64]
 

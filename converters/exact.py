@@ -25,7 +25,8 @@ from gtcad.basis import BERNSTEIN, GT, Basis
 from gtcad.chebyshev import UNIT_ROUNDOFF
 from gtcad.converters.bspline import MAX_DEGREE, BSplineCurve, BSplineSurface
 from gtcad.errors import InputError
-from gtcad.protocol import Factors, RestrictedFactors, SeparableCurve, SeparableSurface
+from gtcad.factors import RestrictedFactors
+from gtcad.protocol import Factors, SeparableCurve, SeparableSurface
 
 Array = NDArray[np.float64]
 

@@ -125,7 +125,9 @@ def fit_curve(
 
     def proof(one: Approximation) -> _Proved | None:
         spline = _curve_spline(one, curve)
-        return attempt.prove(spline, lambda rtol: certify_curve(curve, spline, rtol=rtol, resolution=_TAIL * tolerance), one)
+        return attempt.prove(
+            spline, lambda rtol: certify_curve(curve, spline, rtol=rtol, resolution=_TAIL * tolerance), one
+        )
 
     proved = fewest(side, tolerance, proof, adapt=adapt)
     if proved is None:
@@ -170,7 +172,9 @@ def fit_surface(
 
     def proof(a: Approximation, b: Approximation) -> _Proved | None:
         spline = _surface_spline(a, b, surface)
-        return attempt.prove(spline, lambda rtol: certify_surface(surface, spline, rtol=rtol, resolution=_TAIL * tolerance), a, b)
+        return attempt.prove(
+            spline, lambda rtol: certify_surface(surface, spline, rtol=rtol, resolution=_TAIL * tolerance), a, b
+        )
 
     proved = fewest_pair(u, v, tolerance, proof, surface.coefficients, adapt=adapt)
     if proved is None:

@@ -100,7 +100,7 @@ def part_row(shape: Mapping[str, Any]) -> list[str]:
 
 
 def _columns(shape: Mapping[str, Any]) -> list[str]:
-    return [product(shape["degree"]) or "-", product(shape["poles"]) or "-", shape["color"] or "-"]
+    return [product(shape["degree"]) or "-", product(shape["poles"]) or "-", shape["color"] or ""]
 
 
 def size(box: Mapping[str, list[float]] | None) -> str:

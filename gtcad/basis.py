@@ -101,8 +101,8 @@ class _GeneralizedTrigonometric(Family):
         # derivatives are the wave a quarter further k times over
         sine, cosine = ((s, c, -s, -c)[(order + k) % 4] for k in (0, 1))
         double = (2 * s * c, (c - s) * (c + s))[(order + 1) % 2] * (1, 1, -1, -1)[(order + 1) % 4] / 2
-        first = -_HALF_PI**order * (1 + g1) * sine - math.pi**order * g1 * double
-        last = -_HALF_PI**order * (1 + g2) * cosine + math.pi**order * g2 * double
+        first = -(_HALF_PI**order) * (1 + g1) * sine - math.pi**order * g1 * double
+        last = -(_HALF_PI**order) * (1 + g2) * cosine + math.pi**order * g2 * double
         return [first, -(first + last), last]
 
     def tail(self, gamma: Gamma, half_width: float, degree: int) -> float:
@@ -160,7 +160,9 @@ def checked_gamma(name: str, gamma: Sequence[float], family: Family) -> Gamma:
         if not -1 <= value <= 1:
             raise InputError(f"{name}[{index}] must lie in [-1, 1], got {value:g}")
     if not family.takes_gamma and values != (0.0, 0.0):
-        raise InputError(f"{name} must be left at (0, 0): the family {family.name} takes no design variables, got {values}")
+        raise InputError(
+            f"{name} must be left at (0, 0): the family {family.name} takes no design variables, got {values}"
+        )
     return values[0] + 0.0, values[1] + 0.0  # -0.0 and 0.0 are one basis
 
 

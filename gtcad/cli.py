@@ -138,11 +138,11 @@ def _end(error: BaseException) -> NoReturn:
 
         traceback.print_exception(error)
     if code is Code.INTERNAL:
-        text = f"internal error: {type(error).__name__}: {error}"
+        text = f"internal error: {type(error).__name__}: {' '.join(str(error).split())}"
         tables.message(text if _debug else f"{text}; run again as 'gtcad --debug ...' to see where")
     elif code not in (Code.INTERRUPTED, Code.PIPE):
         tables.message("\n".join(f"Error: {line}" for line in str(error).split("\n")))
-    raise typer.Exit(code)
+    raise typer.Exit(int(code))
 
 
 def _option(name: str, convert: Callable[[str], Value], text: str) -> Value:
@@ -222,7 +222,7 @@ def export(
         tables.message(f"Error: shape {failure.name!r}: {failure.error}")
     if failures:
         tables.message(f"Error: {output} is not written")
-        raise typer.Exit(Code.FAILED)
+        raise typer.Exit(int(Code.FAILED))
 
 
 def _fit_settings(
@@ -258,6 +258,8 @@ def _check_folder(output: str) -> None:
     folder = os.path.dirname(output) or "."
     if not os.path.isdir(folder):
         raise errors.FileError(output, f"cannot be written: there is no folder {folder!r}")
+    if os.path.isdir(output):
+        raise errors.FileError(output, "is a folder")
 
 
 @app.command(short_help="Prove what a CAD file holds against its model.")
@@ -292,7 +294,7 @@ def check(
         tables.message(f"Warning: {file} holds a shape that the model does not have: {name!r}")
     code = _verdict_code([row.verdict for row in report.rows], require_proof=require_proof)
     if code is not Code.FINE:
-        raise typer.Exit(code)
+        raise typer.Exit(int(code))
 
 
 def _verdict_data(row: ReportRow) -> dict[str, Any]:
@@ -363,7 +365,7 @@ def doctor(as_json: JsonOption = False) -> None:
     else:
         _print_diagnosis(diagnosis)
     if diagnosis.problems:
-        raise typer.Exit(Code.KERNEL)
+        raise typer.Exit(int(Code.KERNEL))
 
 
 def _print_diagnosis(diagnosis: Diagnosis) -> None:

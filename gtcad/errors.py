@@ -66,9 +66,7 @@ class ToleranceNotMet(GtcadError, ArithmeticError):
         self.requested = requested
         self.achieved = achieved
         self.spans = spans
-        super().__init__(
-            f"tolerance {requested:.3g} not met: {achieved:.3g} proved with {spans} spans; {limit}"
-        )
+        super().__init__(f"tolerance {requested:.3g} not met: {achieved:.3g} proved with {spans} spans; {limit}")
 
 
 class ToleranceBelowPrecision(GtcadError, ValueError):

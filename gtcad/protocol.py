@@ -5,7 +5,7 @@ Most shapes of gtcad are finite sums of products of analytic functions of one pa
     C(t) = sum_i F_i(t) c_i          S(u, v) = sum_ij F_i(u) G_j(v) c_ij,
 
 with ``F`` and ``G`` a few *factors* (a basis, cos and sin of an angle, ...) and constant coefficients. A sum of such
-sums is one again, over the factors side by side (``Stacked``). A new kind of shape gives its factors and
+sums is one again, over the factors side by side (``gtcad.factors.Stacked``). A new kind of shape gives its factors and
 coefficients and is then evaluated, differentiated, converted, proved and exported like every other; a new kind of
 factor gives its derivatives, and a bound of the distance to its interpolant on a span.
 """
@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
 from typing import Protocol, Self
 
 import numpy as np
@@ -58,92 +57,6 @@ class Factors(Protocol):
     def rounding(self) -> float:
         """Bound of ``sum_i |computed F_i - F_i|`` in ``rows`` of order 0."""
         ...
-
-
-class KeyedFactors:
-    """Factors compared by their key: an argument of functions that are cached."""
-
-    def __init__(self, factors: Factors) -> None:
-        self.factors = factors
-
-    def __hash__(self) -> int:
-        return hash(self.factors.key)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, KeyedFactors) and self.factors.key == other.factors.key
-
-
-@dataclass(frozen=True)
-class RestrictedFactors:
-    """Factors on the part [start, end] of their domain, which may run backwards, stretched to [0, 1]."""
-
-    base: Factors
-    start: float
-    end: float
-
-    @property
-    def count(self) -> int:
-        """Number of functions."""
-        return self.base.count
-
-    @property
-    def key(self) -> Hashable:
-        """Equal for equal functions."""
-        return ("restricted", self.base.key, self.start, self.end)
-
-    def rows(self, t: Array, order: int = 0) -> Array:
-        """Derivatives of the order at flat parameters, shape (count, t.size)."""
-        inner = np.clip(self.start * (1 - t) + self.end * t, 0.0, 1.0)
-        return self.base.rows(inner, order) * (self.end - self.start) ** order
-
-    def interpolation_tail(self, half_width: float, count: int) -> float:
-        """Bound of the distance to the interpolant."""
-        return self.base.interpolation_tail(half_width * abs(self.end - self.start), count)
-
-    @property
-    def bound(self) -> float:
-        """Bound of the sum of their absolute values."""
-        return self.base.bound
-
-    @property
-    def rounding(self) -> float:
-        """Bound of the rounding errors."""
-        return self.base.rounding
-
-
-@dataclass(frozen=True)
-class Stacked:
-    """The factors of several terms side by side."""
-
-    parts: tuple[Factors, ...]
-
-    @property
-    def count(self) -> int:
-        """Number of functions."""
-        return sum(part.count for part in self.parts)
-
-    @property
-    def key(self) -> Hashable:
-        """Equal for equal functions."""
-        return ("stacked", *(part.key for part in self.parts))
-
-    def rows(self, t: Array, order: int = 0) -> Array:
-        """Derivatives of the order at flat parameters, shape (count, t.size)."""
-        return np.concatenate([part.rows(t, order) for part in self.parts])
-
-    def interpolation_tail(self, half_width: float, count: int) -> float:
-        """Bound of the distance to the interpolant."""
-        return sum(part.interpolation_tail(half_width, count) for part in self.parts)
-
-    @property
-    def bound(self) -> float:
-        """Bound of the sum of their absolute values."""
-        return sum(part.bound for part in self.parts)
-
-    @property
-    def rounding(self) -> float:
-        """Bound of the rounding errors."""
-        return sum(part.rounding for part in self.parts)
 
 
 class SeparableCurve(abc.ABC):

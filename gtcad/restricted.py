@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gtcad.errors import InputError
-from gtcad.protocol import Factors, RestrictedFactors, SeparableCurve, SeparableSurface, domain_part
+from gtcad.factors import RestrictedFactors
+from gtcad.protocol import Factors, SeparableCurve, SeparableSurface, domain_part
 
 Array = NDArray[np.float64]
 Bounds = tuple[float, float]

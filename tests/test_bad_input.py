@@ -1,0 +1,292 @@
+"""Every bad input tried, what it gets, and docs/bad-input.md, which is written from the same list.
+
+``python -m tests.test_bad_input`` writes the page anew.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+import gtcad
+from gtcad import cli
+
+PAGE = Path(__file__).parent.parent / "docs" / "bad-input.md"
+MOST_LINES = 3
+PARSER = "the parser's usage message"
+
+CURVE: dict[str, Any] = {"name": "arch", "kind": "curve", "control_points": [[0, 0], [1, 2], [2, 0]]}
+SURFACE: dict[str, Any] = {
+    "name": "roof",
+    "kind": "surface",
+    "control_points": [[[i, j, i * j] for j in range(3)] for i in range(3)],
+}
+EXPORT = ["export", "model.json", "-o", "out.step", "--tolerance", "1e-4"]
+CHECK = ["check", "out.step", "--against", "model.json", "--tolerance", "1e-4"]
+
+
+@dataclass(frozen=True)
+class Case:
+    """An input, the command it is given to, and the code that the command must end with.
+
+    Parameters
+    ----------
+    what
+        The input in words.
+    arguments
+        Of the command.
+    code
+        The exit code.
+    files
+        Name and content of the files that lie in the current folder.
+    names
+        Where the message is the command-line parser's own: what it must name.
+    """
+
+    what: str
+    arguments: list[str]
+    code: int
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    names: str = ""
+
+
+def model(*shapes: Mapping[str, Any], **head: Any) -> dict[str, bytes]:
+    return {"model.json": json.dumps({"gtcad": 1, "shape": list(shapes)} | head).encode()}
+
+
+def wrong_model(what: str, *shapes: Mapping[str, Any], **head: Any) -> Case:
+    return Case(what, EXPORT, 3, model(*shapes, **head))
+
+
+def wrong_text(what: str, content: bytes, name: str = "model.json") -> Case:
+    return Case(what, ["info", name], 3, {name: content})
+
+
+def wrong_option(what: str, *arguments: str, names: str = "") -> Case:
+    return Case(what, list(arguments), 2, model(CURVE), names)
+
+
+TOML = b'gtcad = 1\n[[shape]]\nname = "arch"\nkind = "curve"\ncontrol_points = [[0, 0], [1, 2], [2, 0]]\n'
+
+GROUPS: dict[str, list[Case]] = {
+    "Model files: text": [
+        wrong_text("an empty file", b""),
+        wrong_text("blanks only", b" \n\t\n", "model.toml"),
+        wrong_text("binary", b"\x89PNG\r\n\x1a\n\x00\x00"),
+        wrong_text("UTF-16, as Windows tools write it", '{"gtcad": 1}'.encode("utf-16")),
+        wrong_text("JSON cut off", b'{"gtcad": 1,\n "shape": [{"name"'),
+        wrong_text("TOML without quotes", b"gtcad = 1\nunit = mm\n", "model.toml"),
+        wrong_text("a table given twice in TOML", b"gtcad = 1\ngtcad = 1\n", "model.toml"),
+        wrong_text("a list instead of an object", b"[1, 2, 3]"),
+        wrong_text("JSON in a .toml file", b'{"gtcad": 1}', "model.toml"),
+        wrong_text("200000 brackets", b"[" * 200_000),
+        wrong_text("200000 brackets in TOML", b"gtcad = " + b"[" * 200_000, "model.toml"),
+        wrong_text("an integer of 5000 digits", b'{"gtcad": ' + b"9" * 5000 + b"}"),
+        wrong_text("a hexadecimal integer of 5000 digits", b"gtcad = 0x" + b"f" * 5000 + b"\nshape = []", "model.toml"),
+        wrong_text("a field given twice", b'{"gtcad": 1, "unit": "mm", "unit": "in", "shape": []}'),
+    ],
+    "Model files: head": [
+        wrong_text("no fields at all", b"{}"),
+        wrong_model("another version", CURVE, gtcad=2),
+        wrong_model("true as the version", CURVE, gtcad=True),
+        wrong_model("an unknown unit", CURVE, unit="km"),
+        wrong_model("an unknown field", CURVE, units="mm"),
+        wrong_model("no shapes"),
+        wrong_model("shapes by name instead of a list", shape={"arch": CURVE}),
+        wrong_model("a number among the shapes", CURVE, shape=[7]),
+    ],
+    "Model files: shapes": [
+        wrong_model("no kind", {"name": "arch"}),
+        wrong_model("an unknown kind", CURVE | {"kind": "circle"}),
+        wrong_model("no control points", {"name": "arch", "kind": "curve"}),
+        wrong_model("an unknown field", CURVE | {"gama": [0, 0]}),
+        wrong_model("a field of another kind", CURVE | {"gamma_u": [0, 0]}),
+        wrong_model("no name", {key: value for key, value in CURVE.items() if key != "name"}),
+        wrong_model("an empty name", CURVE | {"name": ""}),
+        wrong_model("a number as the name", CURVE | {"name": 5}),
+        wrong_model("a name that clears the screen", CURVE | {"name": "\x1b[2J"}),
+        wrong_model("half a character as the name", CURVE | {"name": "\ud800"}),
+        wrong_model("a name of 300 characters", CURVE | {"name": "n" * 300}),
+        wrong_model("one name for two shapes", CURVE, SURFACE | {"name": "arch"}),
+        wrong_model("a colour by name", CURVE | {"color": "red"}),
+        wrong_model("gamma out of range", CURVE | {"gamma": [0, 1.25]}),
+        wrong_model("gamma not a number", SURFACE | {"gamma_v": [float("nan"), 0]}),
+        wrong_model("three design variables", CURVE | {"gamma": [0, 0, 0]}),
+        wrong_model("design variables of a Bezier curve", CURVE | {"family": "bernstein", "gamma": [0, 0]}),
+        wrong_model("an unknown family", CURVE | {"family": "bezier"}),
+        wrong_model("an empty range", CURVE | {"range": [0.5, 0.5]}),
+        wrong_model("a range beyond the domain", CURVE | {"range": [0, 1.5]}),
+        wrong_model("a curve's range on a surface", SURFACE | {"range": [0, 1]}),
+    ],
+    "Model files: control points": [
+        wrong_model("too few for the least degree", CURVE | {"control_points": [[0, 0], [1, 1]]}),
+        wrong_model("too many for the highest degree", CURVE | {"control_points": [[i, 0] for i in range(62)]}),
+        wrong_model("none", CURVE | {"control_points": []}),
+        wrong_model("a text", CURVE | {"control_points": "zigzag"}),
+        wrong_model("a text as a coordinate", CURVE | {"control_points": [[0, 0], [1, "2"], [2, 0]]}),
+        wrong_model("true as a coordinate", CURVE | {"control_points": [[0, 0], [1, True], [2, 0]]}),
+        wrong_model("NaN", CURVE | {"control_points": [[0, 0], [1, float("nan")], [2, 0]]}),
+        wrong_text("1e999", json.dumps({"gtcad": 1, "shape": [CURVE]}).replace("[1, 2]", "[1, 1e999]").encode()),
+        wrong_text("nan in TOML", TOML.replace(b"[1, 2]", b"[1, nan]"), "model.toml"),
+        wrong_text("a date in TOML", TOML.replace(b"[1, 2]", b"[1, 2024-05-31]"), "model.toml"),
+        wrong_model("1e60", CURVE | {"control_points": [[0, 0], [1, 1e60], [2, 0]]}),
+        wrong_model("one coordinate", CURVE | {"control_points": [[0, 0], [1], [2, 0]]}),
+        wrong_model("two and three coordinates mixed", CURVE | {"control_points": [[0, 0], [1, 2, 3], [2, 0]]}),
+        wrong_model("plane points of a surface", SURFACE | {"control_points": [[[0, 0]] * 3] * 3}),
+        wrong_model("a ragged net", SURFACE | {"control_points": [[[0, 0, 0]] * 3, [[1, 0, 0]] * 3, [[2, 0, 0]] * 2]}),
+        wrong_model("a net of two rows", SURFACE | {"control_points": SURFACE["control_points"][:2]}),
+        wrong_model("a list of points for a surface", SURFACE | {"control_points": CURVE["control_points"]}),
+        wrong_model("a hundred mistakes", CURVE | {"control_points": [["x", "y"] for _ in range(50)]}),
+    ],
+    "Files": [
+        Case("a model that is not there", EXPORT, 3),
+        Case("a folder as the model", EXPORT, 3, {"model.json/inside": b""}),
+        Case("a folder to write to that is not there", [*EXPORT[:3], "none/out.step", *EXPORT[4:]], 3, model(CURVE)),
+        Case("a folder as the file to write", EXPORT, 3, model(CURVE) | {"out.step/inside": b""}),
+        Case("an exchange file that is not there", CHECK, 3, model(CURVE)),
+        Case("an empty STEP file", CHECK, 3, model(CURVE) | {"out.step": b""}),
+        Case("a STEP file of garbage", CHECK, 3, model(CURVE) | {"out.step": b"\x00garbage" * 99}),
+        Case("an IGES file of garbage", ["info", "out.igs"], 3, {"out.igs": b"\x00garbage" * 99}),
+        Case("a BREP file of garbage", ["info", "out.brep"], 3, {"out.brep": b"\x00garbage" * 99}),
+        Case("a folder as the exchange file", ["info", "out.brep"], 3, {"out.brep/inside": b""}),
+    ],
+    "Usage": [
+        wrong_option("a tolerance of zero", *EXPORT[:-1], "0"),
+        wrong_option("a negative tolerance", *EXPORT[:-2], "--tolerance=-1e-4"),
+        wrong_option("a tolerance that is not a number", *EXPORT[:-1], "nan"),
+        wrong_option("an infinite tolerance", *EXPORT[:-1], "inf"),
+        wrong_option("a tolerance beyond all numbers", *EXPORT[:-1], "1e999"),
+        wrong_option("a tolerance below all numbers", *EXPORT[:-1], "1e-999"),
+        wrong_option("a tolerance in words", *EXPORT[:-1], "fine"),
+        wrong_option("a tolerance in an unknown unit", *EXPORT[:-1], "1 parsec"),
+        wrong_option("an empty tolerance", *EXPORT[:-1], ""),
+        wrong_option("a bad tolerance and no such model", "export", "none.json", "-o", "a.step", "--tolerance", "x"),
+        wrong_option("degree 30", *EXPORT, "--degree", "30"),
+        wrong_option("degree 2", *EXPORT, "--degree", "2"),
+        wrong_option("degree 5.0", *EXPORT, "--degree", "5.0"),
+        wrong_option("a highest degree without auto", *EXPORT, "--max-degree", "7"),
+        wrong_option("continuity of the degree", *EXPORT, "--continuity", "5"),
+        wrong_option("end order 4", *EXPORT, "--end-order", "4"),
+        wrong_option("an unknown schema", *EXPORT, "--schema", "AP209"),
+        wrong_option(
+            "a schema for IGES", "export", "model.json", "-o", "a.igs", "--tolerance", "1", "--schema", "AP203"
+        ),
+        wrong_option("a time in words", *EXPORT, "--timestamp", "yesterday"),
+        wrong_option("an unknown suffix to write", "export", "model.json", "-o", "out.stl", "--tolerance", "1e-4"),
+        wrong_option("no suffix to write", "export", "model.json", "-o", "out", "--tolerance", "1e-4"),
+        wrong_option("the model as the file to write", "export", "model.json", "-o", "model.json", "--tolerance", "1"),
+        wrong_option("a STEP file as the model", "export", "in.step", "-o", "out.step", "--tolerance", "1e-4"),
+        wrong_option(
+            "a model as the exchange file", "check", "model.json", "--against", "model.json", "--tolerance", "1"
+        ),
+        wrong_option("a STEP file to check against", "check", "a.step", "--against", "b.step", "--tolerance", "1"),
+        wrong_option("an unknown suffix to look into", "info", "notes.txt"),
+        wrong_option("no tolerance", *EXPORT[:-2], names="--tolerance"),
+        wrong_option("no file to write", "export", "model.json", "--tolerance", "1", names="--output"),
+        wrong_option("no model", "export", "-o", "out.step", "--tolerance", "1", names="MODEL"),
+        wrong_option("an unknown option", *EXPORT, "--tolerence", "1", names="--tolerence"),
+        wrong_option("an unknown command", "exprot", names="exprot"),
+        wrong_option("two models", "info", "model.json", "model.json", names="model.json"),
+    ],
+    "What cannot be done": [
+        Case("a tolerance below double precision", [*EXPORT[:-1], "1e-18"], 1, model(SURFACE)),
+        Case(
+            "a tolerance out of reach of the highest continuity",
+            [*EXPORT[:-1], "1e-11", "--degree", "3", "--no-exact"],
+            1,
+            model(CURVE | {"control_points": [[0, 0], [900, 900], [0, 900], [900, 0]]}),
+        ),
+    ],
+}
+CASES = [case for group in GROUPS.values() for case in group]
+
+
+@contextlib.contextmanager
+def files_of(case: Case) -> Iterator[Path]:
+    """The current folder of the case, with its files."""
+    with tempfile.TemporaryDirectory() as name, contextlib.chdir(name):
+        for path, content in case.files.items():
+            Path(path).parent.mkdir(exist_ok=True)
+            Path(path).write_bytes(content)
+        yield Path(name)
+
+
+def outcome(case: Case) -> tuple[int, list[str]]:
+    """The exit code of a case and the lines of its message, without the usage that comes before."""
+    with files_of(case) as folder:
+        before = sorted(folder.rglob("*"))
+        result = CliRunner().invoke(cli.app, case.arguments)
+        assert sorted(folder.rglob("*")) == before, "something was written"
+    assert "Traceback" not in result.output
+    lines = result.stderr.splitlines()
+    return result.exit_code, [line for line in lines if not line.startswith(("Usage:", "Try ")) and line]
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.what)
+def test_bad_input_gets_its_code_and_a_message_and_writes_nothing(case: Case) -> None:
+    code, message = outcome(case)
+    assert code == case.code, message
+    assert message
+    assert len(message) <= 51
+    assert all(line.startswith("Error: ") for line in message)
+    assert case.names in " ".join(message)
+
+
+def test_no_case_is_listed_twice() -> None:
+    assert len({(tuple(case.arguments), *map(tuple, case.files.items())) for case in CASES}) == len(CASES)
+
+
+def test_the_models_that_the_cases_change_are_good(tmp_path: Path) -> None:
+    path = tmp_path / "model.json"
+    path.write_bytes(model(CURVE, SURFACE)["model.json"])
+    assert list(gtcad.load_model(path)) == ["arch", "roof"]
+    (tmp_path / "model.toml").write_bytes(TOML)
+    assert list(gtcad.load_model(tmp_path / "model.toml")) == ["arch"]
+
+
+def test_the_page_says_what_the_program_does() -> None:
+    assert PAGE.read_text(encoding="utf-8") == page()
+
+
+def page() -> str:
+    """docs/bad-input.md."""
+    lines = [
+        "# Bad input, and what it gets",
+        "",
+        "Every row is run by the tests, which also hold this page to what the program answers. Exit codes: 1 the",
+        "tolerance cannot be met, 2 usage (judged before any file is opened), 3 a file is missing, unreadable or bad.",
+        "All problems of a model are named at once, fifty at most. Nothing is written in any of these cases.",
+    ]
+    for title, cases in GROUPS.items():
+        lines += ["", f"## {title}", "", "| input | command | code | message |", "|---|---|---|---|"]
+        lines += [row(case) for case in cases]
+    return "\n".join(lines) + "\n"
+
+
+def row(case: Case) -> str:
+    """One line of the table."""
+    code, message = outcome(case)
+    if case.names:
+        text = f"{PARSER}, naming `{case.names}`"
+    else:
+        shown = [cell(line.removeprefix("Error: ")) for line in message[:MOST_LINES]]
+        more = [f"({len(message) - MOST_LINES} more lines)"] if len(message) > MOST_LINES else []
+        text = "<br>".join([*shown, *more])
+    return f"| {case.what} | {cell(' '.join(argument or repr('') for argument in case.arguments))} | {code} | {text} |"
+
+
+def cell(text: str) -> str:
+    """Text that Markdown leaves alone in a table."""
+    return "`" + text.replace("|", "\\|") + "`"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

@@ -1,0 +1,323 @@
+from __future__ import annotations
+
+import math
+
+import mpmath as mp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.polynomial import chebyshev
+from scipy.special import jv
+
+from gtcad.basis import BERNSTEIN, GT, Basis
+from gtcad.chebyshev import (
+    UNIT_ROUNDOFF,
+    Maximum,
+    evaluation,
+    lebesgue,
+    maximum,
+    nodes,
+    sine_tail,
+    transform,
+)
+from tests import reference
+
+HALF_PI = math.pi / 2
+
+
+def jacobi_anger(frequency: float, phase: float, middle: float, half_width: float, count: int) -> np.ndarray:
+    """Chebyshev coefficients of cos(w (m + h z) - phase), from Bessel functions."""
+    k = np.arange(count)
+    bessel = 2 * jv(k, frequency * half_width)
+    bessel[0] /= 2
+    even, odd = np.cos(k * HALF_PI).round(), np.sin(k * HALF_PI).round()  # cos: even terms, sin: odd terms
+    angle = frequency * middle - phase
+    return bessel * (even * math.cos(angle) - odd * math.sin(angle))
+
+
+def exact_series(degree: int, gamma: tuple[float, float], middle: float, half_width: float, count: int) -> np.ndarray:
+    """Chebyshev coefficients of f_0..f_n on a span, shape (n + 1, at least count): Bessel and polynomial products."""
+    s, c = (jacobi_anger(HALF_PI, phase, middle, half_width, count) for phase in (HALF_PI, 0.0))
+    double = jacobi_anger(math.pi, 0.0, middle, half_width, count)
+    one = np.eye(1, count)[0]
+    first = one - (1 + gamma[0]) * s + gamma[0] * (one - double) / 2
+    last = one - (1 + gamma[1]) * c + gamma[1] * (one + double) / 2
+    rows = [first, one - first - last, last]
+    t = [middle, half_width]
+    for _ in range(degree - 2):
+        padded = [np.zeros(1), *rows, np.zeros(1)]
+        rows = [
+            chebyshev.chebadd(
+                padded[i + 1], chebyshev.chebmul(t, chebyshev.chebsub(padded[i], padded[i + 1]))
+            )
+            for i in range(len(rows) + 1)
+        ]
+    longest = max(len(row) for row in rows)
+    return np.array([np.pad(row, (0, longest - len(row))) for row in rows])
+
+
+@st.composite
+def spans(draw: st.DrawFn) -> tuple[float, float]:
+    """Middle and half width of a span in [0, 1], of any width from 1 to 1e-4."""
+    width = 10.0 ** draw(st.floats(-4, 0))
+    start = draw(st.floats(0, 1)) * (1 - width)
+    return start + width / 2, width / 2
+
+
+design_variables = st.one_of(st.floats(-1, 1), st.sampled_from([-1.0, 0.0, 1.0]))
+gammas = st.tuples(design_variables, design_variables)
+
+
+# Nodes, transform, constants
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 8, 33, 100])
+def test_nodes_are_the_zeros(count: int) -> None:
+    z = nodes(count)
+    assert (np.diff(z) > 0).all()
+    assert abs(chebyshev.chebval(z, np.eye(1, count + 1, count)[0])).max() <= 1e-13 * count
+    assert np.array_equal(z, -z[::-1])
+    assert not z.flags.writeable
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 20, 64])
+def test_transform_inverts_evaluation(count: int) -> None:
+    assert abs(transform(count) @ evaluation(count, count) - np.eye(count)).max() <= 1e-14
+    wanted = chebyshev.chebvander(nodes(count), count + 2)
+    assert abs(evaluation(count, count + 3) - wanted).max() <= 1e-13
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5, 10, 40, 100])
+def test_lebesgue_constant_is_bounded(count: int) -> None:
+    z = np.cos(np.linspace(0, math.pi, 4001))
+    true = abs(chebyshev.chebvander(z, count - 1) @ transform(count)).sum(axis=1).max()
+    assert true <= lebesgue(count) <= true + 0.1
+
+
+@given(st.floats(0, math.pi), st.integers(0, 60), st.floats(-10, 10))
+def test_sine_tail_bounds_what_the_bessel_series_leaves(argument: float, degree: int, phase: float) -> None:
+    k = np.arange(degree + 1, degree + 40)
+    left = 2 * abs(jv(k, argument)).sum()
+    assert left * (1 - 1e-12) <= sine_tail(argument, degree)
+    series = jacobi_anger(argument, phase, 0.0, 1.0, degree + 1)
+    z = np.linspace(-1, 1, 101)
+    error = abs(chebyshev.chebval(z, series) - np.cos(argument * z - phase)).max()
+    assert error <= sine_tail(argument, degree) + 1e-14
+
+
+@pytest.mark.parametrize("degree", [2, 5, 10, 20])
+def test_sine_tail_is_not_far_above_the_truth(degree: int) -> None:
+    argument = HALF_PI
+    left = 2 * abs(jv(np.arange(degree + 1, degree + 40), argument)).sum()
+    assert sine_tail(argument, degree) <= 2.5 * left
+
+
+def test_sine_tail_at_its_limits() -> None:
+    assert sine_tail(0.0, 3) == 0
+    assert sine_tail(math.pi, -1) == math.inf
+    assert sine_tail(100.0, 3) == math.inf
+    assert UNIT_ROUNDOFF == np.finfo(float).eps / 2
+
+
+# The interpolant of a basis on a span
+
+
+@given(st.integers(2, 13), gammas, spans())
+def test_interpolant_has_the_exact_coefficients(
+    degree: int, gamma: tuple[float, float], span: tuple[float, float]
+) -> None:
+    middle, half_width = span
+    basis = Basis(degree, gamma)
+    count = degree + 18
+    series = basis.rows(np.clip(middle + half_width * nodes(count), 0, 1)) @ transform(count).T
+    exact = exact_series(degree, gamma, middle, half_width, 40)
+    difference = np.zeros_like(exact)
+    difference[:, :count] = series
+    difference -= exact
+    bound = basis.interpolation_tail(half_width, count) + lebesgue(count) * (basis.rounding + 1e-15)
+    assert abs(difference).max() <= bound
+    z = np.linspace(-1, 1, 50)
+    assert abs(chebyshev.chebval(z, difference.T)).sum(axis=0).max() <= bound + 2e-14
+
+
+def interpolation_error(
+    basis: Basis, middle: float, half_width: float, count: int, places: list[float], *, rounded: bool
+) -> float:
+    """Largest sum_i |f_i - its interpolant| at the places, at many digits; of the computed or of the true values."""
+    t = np.clip(middle + half_width * nodes(count), 0, 1)
+    family, degree, gamma = basis.family.name, basis.degree, basis.gamma
+    with mp.workdps(reference.DIGITS):
+        if rounded:
+            values = [[mp.mpf(float(x)) for x in column] for column in basis.rows(t).T]
+        else:
+            values = [reference.values(family, degree, gamma, x) for x in t]
+        x_nodes = [mp.mpf(float(x)) for x in t]
+        weights = [1 / mp.fprod(a - b for b in x_nodes if b != a) for a in x_nodes]
+        largest = mp.mpf(0)
+        for place in places:
+            x = mp.mpf(float(middle + half_width * place))
+            if x in x_nodes or not 0 <= x <= 1:
+                continue
+            parts = [w / (x - a) for w, a in zip(weights, x_nodes, strict=True)]
+            total = mp.fsum(parts)
+            true = reference.values(family, degree, gamma, x)
+            error = mp.fsum(
+                abs(mp.fdot(parts, [row[i] for row in values]) / total - true[i]) for i in range(degree + 1)
+            )
+            largest = max(largest, error)
+        return float(largest)
+
+
+@settings(max_examples=25)
+@given(st.integers(2, 60), gammas, spans(), st.integers(4, 24), st.lists(st.floats(-1, 1), min_size=2, max_size=4))
+def test_tail_and_rounding_bound_the_error(
+    degree: int, gamma: tuple[float, float], span: tuple[float, float], extra: int, places: list[float]
+) -> None:
+    basis = Basis(degree, gamma)
+    count = degree + extra
+    tail = basis.interpolation_tail(span[1], count)
+    places = [-1.0, *places]
+    assert interpolation_error(basis, *span, count, places, rounded=False) <= tail
+    assert interpolation_error(basis, *span, count, places, rounded=True) <= tail + lebesgue(count) * basis.rounding
+
+
+@settings(max_examples=10)
+@given(st.integers(1, 60), spans(), st.integers(1, 5), st.floats(-1, 1))
+def test_the_bernstein_family_has_no_tail(degree: int, span: tuple[float, float], extra: int, place: float) -> None:
+    basis = Basis(degree, family=BERNSTEIN)
+    count = degree + extra
+    assert basis.interpolation_tail(span[1], count) == 0
+    error = interpolation_error(basis, *span, count, [-1.0, place], rounded=True)
+    assert error <= lebesgue(count) * basis.rounding
+
+
+@pytest.mark.parametrize("half_width", [0.5, 0.1])
+@pytest.mark.parametrize("degree", [2, 5, 13])
+def test_tail_is_not_absurd(degree: int, half_width: float) -> None:
+    z = np.linspace(-0.99, 0.99, 23).tolist()
+    for extra in (4, 8, 12):
+        basis = Basis(degree, (0.4, -0.7))
+        true = interpolation_error(basis, half_width, half_width, degree + extra, z, rounded=False)
+        assert basis.interpolation_tail(half_width, degree + extra) <= 200 * true
+
+
+def test_terms_that_the_documentation_promises() -> None:
+    for degree in (2, 13, 40, 60):
+        for gamma in ((0.0, 0.0), (1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)):
+            assert Basis(degree, gamma).interpolation_tail(0.5, 19 + degree) <= 1e-14
+
+
+@pytest.mark.parametrize("gamma", [(0.3, 0.2), (0.0, 0.0), (-1.0, -1.0), (1.0, -1.0)])
+@pytest.mark.parametrize("count", [1, 3])
+def test_too_few_nodes_for_any_bound(gamma: tuple[float, float], count: int) -> None:
+    assert Basis(5, gamma).interpolation_tail(0.5, count) == math.inf
+    assert GT.tail(gamma, 0.5, -1) == math.inf
+
+
+# Rigorous maxima
+
+
+def random_series(random: np.random.Generator, variables: int) -> np.ndarray:
+    """A family of vector series with coefficients that decay or not, of any size, sometimes with single terms."""
+    longest = 30 if variables == 1 else 10
+    shape = (random.integers(1, 4), *random.integers(1, longest, variables), random.integers(1, 4))
+    coefficients = random.standard_normal(shape)
+    for axis in range(1, 1 + variables):
+        decay = random.choice([1.0, random.uniform(0.2, 1)]) ** np.arange(shape[axis])
+        coefficients *= decay.reshape([-1 if a == axis else 1 for a in range(coefficients.ndim)])
+    if random.uniform() < 0.1:
+        single = np.zeros_like(coefficients)
+        place = tuple(random.integers(size) for size in shape[:-1])
+        single[place] = coefficients[place]
+        coefficients = single
+    return coefficients * 10.0 ** random.uniform(-12, 6)
+
+
+def norms_at(coefficients: np.ndarray, *z: np.ndarray) -> np.ndarray:
+    """|q_b| on the grid of the z, shape (B, z.size) or (B, z.size, z.size)."""
+    tables = [chebyshev.chebvander(x, size - 1) for x, size in zip(z, coefficients.shape[1:-1], strict=True)]
+    if len(z) == 1:
+        values = np.einsum("pk,bkd->bpd", tables[0], coefficients, optimize=True)
+    else:
+        values = np.einsum("pk,ql,bkld->bpqd", *tables, coefficients, optimize=True)
+    return np.linalg.norm(values, axis=-1)
+
+
+def assert_holds(coefficients: np.ndarray, samples: np.ndarray, rtol: float) -> Maximum:
+    found = maximum(coefficients, rtol=rtol)
+    variables = coefficients.ndim - 2
+    dense = norms_at(coefficients, *[samples] * variables).max()
+    at_place = norms_at(coefficients, *(np.array([z]) for z in found.place))[found.index].item()
+    assert len(found.place) == variables
+    assert all(-1 <= z <= 1 for z in found.place)
+    assert found.lower * (1 - 1e-12) <= at_place <= found.lower * (1 + rtol)
+    assert dense * (1 - 1e-12) <= found.upper
+    assert found.lower <= found.upper <= (1 + rtol) * found.lower * (1 + 1e-11)
+    return found
+
+
+def test_maximum_of_series_in_one_variable() -> None:
+    random = np.random.default_rng(20)
+    samples = np.cos(np.linspace(0, math.pi, 1001))
+    for _ in range(2000):
+        assert_holds(random_series(random, 1), samples, 0.01)
+
+
+def test_maximum_of_series_in_two_variables() -> None:
+    random = np.random.default_rng(21)
+    samples = np.cos(np.linspace(0, math.pi, 81))
+    for _ in range(1000):
+        assert_holds(random_series(random, 2), samples, 0.01)
+
+
+@pytest.mark.parametrize("rtol", [0.3, 0.05, 0.001])
+def test_maximum_to_other_accuracies(rtol: float) -> None:
+    random = np.random.default_rng(22)
+    samples = np.cos(np.linspace(0, math.pi, 501))
+    for _ in range(60):
+        assert_holds(random_series(random, 1), samples, rtol)
+
+
+@pytest.mark.parametrize("degree", [0, 1, 2, 7, 30])
+def test_maximum_of_a_single_polynomial(degree: int) -> None:
+    coefficients = np.zeros((1, 31, 1))
+    coefficients[0, degree, 0] = -2.5
+    found = maximum(coefficients)
+    assert found.lower <= 2.5 <= found.upper <= 1.01 * 2.5
+    assert found.lower >= 2.5 / 1.01
+
+
+def test_maximum_of_large_families() -> None:
+    random = np.random.default_rng(23)
+    coefficients = random.standard_normal((3000, 12, 3)) * 0.5 ** np.arange(12)[:, None]
+    coefficients *= random.uniform(size=(3000, 1, 1))
+    found = assert_holds(coefficients, np.cos(np.linspace(0, math.pi, 201)), 0.01)
+    assert maximum(coefficients[[found.index]]).upper == pytest.approx(found.upper, rel=0.01)
+
+
+def test_maximum_leaves_its_argument_alone() -> None:
+    coefficients = np.random.default_rng(24).standard_normal((3, 9, 2))
+    kept = coefficients.copy()
+    assert maximum(coefficients) == maximum(coefficients)
+    assert np.array_equal(coefficients, kept)
+
+
+@pytest.mark.parametrize("shape", [(1, 1, 1), (2, 5, 3), (2, 3, 4, 3)])
+def test_maximum_of_zero(shape: tuple[int, ...]) -> None:
+    found = maximum(np.zeros(shape))
+    assert (found.lower, found.upper) == (0, 0)
+
+
+@pytest.mark.parametrize("shape", [(0, 4, 3), (0, 4, 4, 3)])
+def test_maximum_of_no_series(shape: tuple[int, ...]) -> None:
+    found = maximum(np.zeros(shape))
+    assert (found.lower, found.upper) == (0, 0)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_maximum_never_proves_what_is_not_finite(bad: float) -> None:
+    coefficients = np.ones((2, 4, 3))
+    coefficients[1, 2, 0] = bad
+    with np.errstate(invalid="ignore"):
+        assert not maximum(coefficients).upper <= 1e300
