@@ -44,7 +44,7 @@ def _knots(
     counts = tuple(int(m) for m in multiplicities)
     if values.ndim != 1 or len(values) < 2 or len(values) != len(counts):
         raise InputError(
-            f"{name} needs one multiplicity for each of at least two knots, got {values.shape} knots and {len(counts)} multiplicities"
+            f"{name} must be two knots or more with one multiplicity each, got {values.shape} and {len(counts)}"
         )
     if not np.isfinite(values).all() or (np.diff(values) <= 0).any():
         raise InputError(f"{name} must be finite and strictly increasing, got {values.tolist()}")
@@ -56,7 +56,7 @@ def _knots(
         raise InputError(f"{name}: interior multiplicities must lie in [1, {degree}], got {counts[1:-1]}")
     if sum(counts) != count + degree + 1:
         raise InputError(
-            f"{name}: multiplicities must add up to {count} poles + degree + 1 = {count + degree + 1}, got {sum(counts)}"
+            f"{name}: multiplicities must add up to poles + degree + 1 = {count + degree + 1}, got {sum(counts)}"
         )
     values.flags.writeable = False
     return values, counts
@@ -215,7 +215,7 @@ class BSplineSurface:
 
     @property
     def homogeneous(self) -> Array:
-        """Control points times weight, then the weight: shape (nu, nv, d + 1); just the control points without weights."""
+        """Control points times weight, then the weight: (nu, nv, d + 1); just the control points without weights."""
         return _homogeneous(self.control_points, self.weights)
 
     def evaluate(self, u: ArrayLike, v: ArrayLike) -> Array:

@@ -29,7 +29,8 @@ from gtcad.protocol import Factors, SeparableCurve, SeparableSurface
 Array = NDArray[np.float64]
 
 _MAX_NODES = 192
-_PARTS = 4
+_PARTS = 8
+_ONES = (np.ones(1), np.ones(1))
 _BLOCK = 3_000_000  # floats in one block of differences: bounds the memory
 _NEGLIGIBLE = 4 * UNIT_ROUNDOFF
 
@@ -82,18 +83,23 @@ def certify_curve(
     """
     _check_dimension(curve.dimension, spline.dimension)
     rational = spline.weights is not None
+    floor = 1.0 if spline.weights is None else float(spline.weights.min())
     knots = Knots.normalised(spline.knots, spline.multiplicities, spline.degree)
     size = _size(curve.coefficients, spline.control_points)
     side = _Direction.of(curve.factors, knots, parameter_map, rational, resolution / size)
-    poles = spline.homogeneous[side.columns]
     model = side.shape_rows @ curve.coefficients
-    difference = _numerator(model, side.local @ poles, side.denominator[..., None], rational)
-    least, most = _weight_range(spline.weights, (side,))
-    least, most = least * side.least_denominator, most * side.most_denominator
+    fitted = side.local @ spline.homogeneous[side.columns]
+    difference, common = _over_common(model, fitted, side.denominator, rational)
+    least, most = _range(transform(side.count) @ common[..., None], floor) if rational or side.mapped else _ONES
     found = maximum(transform(side.count) @ difference / least[:, None, None], rtol=rtol)
     slack = side.tail + lebesgue(side.count) * (side.rounding + 8 * UNIT_ROUNDOFF)
     slack *= size * float((most / least).max())
-    return _certificate(found, slack, (side.parameter(found.index, found.place[0]),))
+    x = side.parameter(found.index, found.place[0])
+    certificate = _certificate(found, slack, (float(parameter_map(x)),))
+    if rational or side.mapped:
+        held = spline.evaluate(spline.knots[0] + x * np.ptp(spline.knots))
+        return _with_lower(certificate, curve.evaluate(certificate.place[0]) - held, slack)
+    return certificate
 
 
 def certify_surface(
@@ -113,31 +119,34 @@ def certify_surface(
     """
     _check_dimension(surface.dimension, spline.dimension)
     rational = spline.weights is not None
+    floor = 1.0 if spline.weights is None else float(spline.weights.min())
     knots_u = Knots.normalised(spline.knots_u, spline.multiplicities_u, spline.degree_u)
     knots_v = Knots.normalised(spline.knots_v, spline.multiplicities_v, spline.degree_v)
     size = _size(surface.coefficients, spline.control_points)
     u = _Direction.of(surface.factors_u, knots_u, parameter_maps[0], rational, resolution / size)
     v = _Direction.of(surface.factors_v, knots_v, parameter_maps[1], rational, resolution / size)
-    least, most = _weight_range(spline.weights, (u, v))
-    least = least * np.outer(u.least_denominator, v.least_denominator)
-    most = most * np.outer(u.most_denominator, v.most_denominator)
     tail = u.tail * surface.factors_v.bound + lebesgue(u.count) * v.tail * surface.factors_u.bound
     rounding = u.rounding * surface.factors_v.bound + v.rounding * surface.factors_u.bound + 16 * UNIT_ROUNDOFF
-    slack = size * float((most / least).max()) * (tail + lebesgue(u.count) * lebesgue(v.count) * rounding)
+    slack = size * (tail + lebesgue(u.count) * lebesgue(v.count) * rounding)
+    fractional = rational or u.mapped or v.mapped
     blocks = []
     step = max(1, _BLOCK // (u.count * v.count * v.spans * (spline.dimension + 1)))
     for start in range(0, u.spans, step):
         part = slice(start, start + step)
         model = _tensor(u.shape_rows[part], v.shape_rows, surface.coefficients)
-        denominator = u.denominator[part, :, None, None] * v.denominator
-        difference = _numerator(model, _spline_values(u, v, part, spline), denominator[..., None], rational)
-        difference /= least[part, None, :, None, None]
-        series = transform(u.count) @ (transform(v.count) @ difference).reshape(*difference.shape[:2], -1)
-        series = series.reshape(difference.shape).swapaxes(1, 2)  # one series for each rectangle
-        found = maximum(series.reshape(-1, u.count, v.count, spline.dimension), rtol=rtol)
+        fitted = _spline_values(u, v, part, spline)
+        difference, common = _over_common(model, fitted, u.denominator[part, :, None, None] * v.denominator, rational)
+        least, most = _range(_series(u, v, common[..., None]), floor) if fractional else _ONES
+        found = maximum(_series(u, v, difference) / least[:, None, None, None], rtol=rtol)
         span_u, span_v = divmod(found.index, v.spans)
-        place = (u.parameter(start + span_u, found.place[0]), v.parameter(span_v, found.place[1]))
-        blocks.append(_certificate(found, slack, place))
+        x = u.parameter(start + span_u, found.place[0]), v.parameter(span_v, found.place[1])
+        own = slack * float((most / least).max())
+        certificate = _certificate(found, own, (float(parameter_maps[0](x[0])), float(parameter_maps[1](x[1]))))
+        if fractional:
+            knots = (spline.knots_u, spline.knots_v)
+            held = spline.evaluate(*(one[0] + place * np.ptp(one) for one, place in zip(knots, x, strict=True)))
+            certificate = _with_lower(certificate, surface.evaluate(*certificate.place) - held, own)
+        blocks.append(certificate)
     worst = max(blocks, key=lambda block: block.lower)
     return Certificate(worst.lower, max(block.upper for block in blocks), worst.place)
 
@@ -147,17 +156,21 @@ def _certificate(found: Maximum, slack: float, place: tuple[float, ...]) -> Cert
     return Certificate(max(0.0, found.lower * (1 - 1e-7) - slack), found.upper * (1 + 1e-7) + slack, place)
 
 
+def _with_lower(certificate: Certificate, difference: Array, slack: float) -> Certificate:
+    """The lower bound from the difference itself, not from its numerator over the least denominator."""
+    lower = max(0.0, float(np.linalg.norm(difference)) - slack)
+    return Certificate(min(lower, certificate.upper), certificate.upper, certificate.place)
+
+
 @dataclass(frozen=True)
 class _Direction:
     """Everything that a proof needs of one parameter direction, span by span."""
 
     knots: Knots
-    map: ParameterMap
     count: int  # Chebyshev zeros on each span
     shape_rows: Array  # (spans, count, factors): numerators when the map makes them rational
     denominator: Array  # (spans, count)
-    least_denominator: Array  # (spans,)
-    most_denominator: Array  # (spans,)
+    mapped: bool
     local: Array  # (spans, count, degree + 1)
     tail: float
     rounding: float
@@ -172,7 +185,7 @@ class _Direction:
         return self.knots.first[:, None] + np.arange(self.knots.degree + 1)
 
     def parameter(self, span: int, z: float) -> float:
-        return float(self.map(self.knots.places(np.array([z]))[span, 0]))
+        return float(self.knots.places(np.array([z]))[span, 0])
 
     @staticmethod
     def of(
@@ -191,7 +204,7 @@ def _direction(
     extra = 0
     if mapped or rational:
         extra = knots.degree  # the numerator is a product
-        knots = knots.subdivided(_PARTS)  # numerators over the least denominator: the less it varies the better
+        knots = knots.subdivided(-(-_PARTS // knots.spans))  # the less the denominator varies the better
     if mapped is not None:
         count, tail = max(mapped.degree, knots.degree) + extra + 1, 0.0
     else:
@@ -201,15 +214,12 @@ def _direction(
     rows = (mapped or factors).rows(t.reshape(-1))
     shape_rows = np.ascontiguousarray(np.moveaxis(rows.reshape(-1, *t.shape), 0, -1))
     denominator = np.ones(t.shape) if mapped is None else mapped.denominator(t)
-    at_breaks = np.ones(knots.spans + 1) if mapped is None else mapped.denominator(np.array(knots.breaks))
     return _Direction(
         knots=knots,
-        map=parameter_map,
         count=count,
         shape_rows=shape_rows,
         denominator=denominator,
-        least_denominator=np.minimum(at_breaks[:-1], at_breaks[1:]),  # it is monotone
-        most_denominator=np.maximum(at_breaks[:-1], at_breaks[1:]),
+        mapped=mapped is not None,
         local=local_values(knots, z),
         tail=tail,
         rounding=(mapped or factors).rounding + (factors.count + 6 * (knots.degree + 1)) * UNIT_ROUNDOFF,
@@ -225,11 +235,26 @@ def _node_count(factors: Factors, knots: Knots, extra: int, resolution: float) -
     raise InputError(f"the shape's factors are not resolved by {_MAX_NODES} Chebyshev points on a span")
 
 
-def _numerator(model: Array, fitted: Array, denominator: Array, rational: bool) -> Array:
-    """The numerator of shape - spline over the product of their denominators."""
+def _over_common(model: Array, fitted: Array, denominator: Array, rational: bool) -> tuple[Array, Array]:
+    """Numerator and denominator of shape - spline; the model's values are numerators over the given denominator."""
     if not rational:
-        return np.asarray(model - fitted * denominator)
-    return np.asarray(model * fitted[..., -1:] - fitted[..., :-1] * denominator)
+        return np.asarray(model - fitted * denominator[..., None]), denominator
+    weight = fitted[..., -1]
+    numerator = model * weight[..., None] - fitted[..., :-1] * denominator[..., None]
+    return np.asarray(numerator), np.asarray(denominator * weight)
+
+
+def _range(series: Array, floor: float) -> tuple[Array, Array]:
+    """Bounds of scalar series above the floor, (spans, K, 1) or (spans, K, L, 1): the mean less and plus all else."""
+    flat = series.reshape(len(series), -1)
+    spread = np.abs(flat[:, 1:]).sum(axis=1)
+    return np.maximum(flat[:, 0] - spread, floor), flat[:, 0] + spread
+
+
+def _series(u: _Direction, v: _Direction, values: Array) -> Array:
+    """One series for each rectangle, (rectangles, K, L, d), from values on (spans_u, nodes_u, spans_v, nodes_v, d)."""
+    series = transform(u.count) @ (transform(v.count) @ values).reshape(*values.shape[:2], -1)
+    return np.asarray(series.reshape(values.shape).swapaxes(1, 2).reshape(-1, u.count, v.count, values.shape[-1]))
 
 
 def _tensor(rows_u: Array, rows_v: Array, coefficients: Array) -> Array:
@@ -248,18 +273,6 @@ def _spline_values(u: _Direction, v: _Direction, part: slice, spline: BSplineSur
     local = u.local[part]
     values = local @ near.reshape(*near.shape[:2], -1)
     return np.asarray(values).reshape(*local.shape[:2], *lines.shape[1:])
-
-
-def _weight_range(weights: Array | None, directions: tuple[_Direction, ...]) -> tuple[Array, Array]:
-    """Least and largest weight that act on each span or rectangle; the denominator lies between them."""
-    if weights is None:
-        ones = np.ones((1,) * len(directions))
-        return ones, ones
-    least = most = weights
-    for axis, one in enumerate(directions):
-        least = np.take(least, one.columns, axis=axis).min(axis=axis + 1)
-        most = np.take(most, one.columns, axis=axis).max(axis=axis + 1)
-    return least, most
 
 
 def _size(coefficients: Array, poles: Array) -> float:

@@ -16,6 +16,7 @@ Classical Bezier pieces are their own polynomial form. The parameter of an exact
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,14 +32,14 @@ from gtcad.protocol import Factors, SeparableCurve, SeparableSurface
 Array = NDArray[np.float64]
 
 _QUARTER_PI, _HALF_PI = math.pi / 4, math.pi / 2
-_TO_EXACT = {
+_TO_EXACT: dict[str, Callable[[Array], Array]] = {
     "identity": lambda t: t,
     "tangent": lambda t: np.tan(_QUARTER_PI * t),
     "versine": lambda t: 2 * np.sin(_QUARTER_PI * t) ** 2,
     "sine": lambda t: np.sin(_HALF_PI * t),
     "sine squared": lambda t: np.sin(_HALF_PI * t) ** 2,
 }
-_FROM_EXACT = {
+_FROM_EXACT: dict[str, Callable[[Array], Array]] = {
     "identity": lambda w: w,
     "tangent": lambda w: np.arctan(w) / _QUARTER_PI,
     "versine": lambda w: np.arcsin(np.sqrt(w / 2)) / _QUARTER_PI,
@@ -68,8 +69,8 @@ class ParameterMap:
         """The shape's parameters t at the spline's parameters x."""
         if self.kind == "identity":
             return np.asarray(x, dtype=np.float64)
-        whole = _FROM_EXACT[self.kind](np.clip(self.whole(np.asarray(x, dtype=np.float64)), 0.0, 1.0))
-        return np.clip((whole - self.start) / (self.end - self.start), 0.0, 1.0)
+        whole: Array = _FROM_EXACT[self.kind](np.clip(self.whole(np.asarray(x, dtype=np.float64)), 0.0, 1.0))
+        return np.asarray(np.clip((whole - self.start) / (self.end - self.start), 0.0, 1.0))
 
     def inverse(self, t: ArrayLike) -> Array:
         """The spline's parameters x at the shape's parameters t."""
@@ -77,15 +78,15 @@ class ParameterMap:
         if self.kind == "identity":
             return t
         start, end = self.ends
-        whole = _TO_EXACT[self.kind](self.start * (1 - t) + self.end * t)
-        return np.clip((whole - start) / (end - start), 0.0, 1.0)
+        whole: Array = _TO_EXACT[self.kind](self.start * (1 - t) + self.end * t)
+        return np.asarray(np.clip((whole - start) / (end - start), 0.0, 1.0))
 
     @property
     def ends(self) -> tuple[float, float]:
         """The exact form's own parameter w at start and end."""
         forward = _TO_EXACT[self.kind]
         # tan(pi/4) rounds to just below 1
-        start, end = (x if x in (0.0, 1.0) else float(forward(x)) for x in (self.start, self.end))
+        start, end = (x if x in (0.0, 1.0) else float(forward(np.array(x))) for x in (self.start, self.end))
         return start, end
 
     def whole(self, x: Array) -> Array:
@@ -131,7 +132,7 @@ class MappedFactors:
     @property
     def degree(self) -> int:
         """Degree of the polynomials."""
-        return self._numerators().shape[0] - 1
+        return len(self._numerators()) - 1
 
     @property
     def rounding(self) -> float:

@@ -32,7 +32,8 @@ _LEAST_DEGREE = 3
 _MAX_END_ORDER = 3
 _SPANS_OF_A_FAILURE = 64  # a surface that fails is not tried with the full limit, only to name a figure
 _COARSE, _FINE = 0.01, 0.001  # relative width of a certificate, and of one that decides a near miss
-_TAIL = 1e-3  # of the tolerance may go into the tails of series
+_TAIL = 1e-3  # of the tolerance may go into the tails of series, unless that widens the certificate
+_LOOSE = 1.04
 _SNAP = 64 * UNIT_ROUNDOFF  # of the size: poles that differ by less were meant to be equal
 
 
@@ -123,10 +124,10 @@ def fit_curve(
     side = options.side(Bundle(curve.factors, curve.coefficients[:, None, :]))
     attempt = _Attempt(tolerance)
 
-    def proof(one: Approximation) -> _Proved | None:
+    def proof(one: Approximation) -> _Proved[BSplineCurve] | None:
         spline = _curve_spline(one, curve)
         return attempt.prove(
-            spline, lambda rtol: certify_curve(curve, spline, rtol=rtol, resolution=_TAIL * tolerance), one
+            spline, lambda **how: certify_curve(curve, spline, **how), one
         )
 
     proved = fewest(side, tolerance, proof, adapt=adapt)
@@ -170,10 +171,10 @@ def fit_surface(
     u, v = (options.side(bundle) for bundle in _bundles(surface))
     attempt = _Attempt(tolerance)
 
-    def proof(a: Approximation, b: Approximation) -> _Proved | None:
+    def proof(a: Approximation, b: Approximation) -> _Proved[BSplineSurface] | None:
         spline = _surface_spline(a, b, surface)
         return attempt.prove(
-            spline, lambda rtol: certify_surface(surface, spline, rtol=rtol, resolution=_TAIL * tolerance), a, b
+            spline, lambda **how: certify_surface(surface, spline, **how), a, b
         )
 
     proved = fewest_pair(u, v, tolerance, proof, surface.coefficients, adapt=adapt)
@@ -197,12 +198,14 @@ class _Attempt:
         self.least, self.spans = math.inf, 0
 
     def prove(
-        self, spline: Spline, certify: Callable[[float], Certificate], *approximations: Approximation
+        self, spline: Spline, certify: Callable[..., Certificate], *approximations: Approximation
     ) -> _Proved[Spline] | None:
         """The spline with its deviation when that is within the tolerance."""
-        certificate = certify(_COARSE)
+        certificate = certify(rtol=_COARSE, resolution=_TAIL * self.tolerance)
         if certificate.lower <= self.tolerance < certificate.upper:
-            certificate = certify(_FINE)
+            certificate = certify(rtol=_FINE)
+        elif certificate.upper > _LOOSE * certificate.lower:  # the spline is far better than asked for
+            certificate = certify(rtol=_COARSE)
         if certificate.upper < self.least:
             self.least = certificate.upper
             self.spans = math.prod(one.knots.spans for one in approximations)

@@ -19,6 +19,7 @@ from gtcad.restricted import RestrictedCurve, RestrictedSurface
 
 if TYPE_CHECKING:
     from gtcad.converters.fit import Fit
+    from gtcad.converters.occt.exchange import Schema
 
 Array = NDArray[np.float64]
 
@@ -97,7 +98,7 @@ def _hex(color: tuple[float, float, float] | None) -> str | None:
 
 
 def write_parts(
-    path: str, form: str, parts: Sequence[Part], *, tolerance: float, schema: str, timestamp: datetime | None
+    path: str, form: str, parts: Sequence[Part], *, tolerance: float, schema: Schema, timestamp: datetime | None
 ) -> None:
     """Write a file of the form STEP, IGES or BREP; the tolerance in mm goes into those that state one."""
     if form == "STEP":

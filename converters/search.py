@@ -173,11 +173,12 @@ def _step(one: Approximation | None, goal: float) -> int:
     """How many spans more or fewer the goal asks for: the error falls with the power degree + 1 of the spans."""
     if one is None or one.error == 0:
         return 0
-    return round(one.knots.spans * ((one.error / goal) ** (1 / (one.knots.degree + 1)) - 1))
+    ratio: float = (one.error / goal) ** (1 / (one.knots.degree + 1))
+    return round(one.knots.spans * (ratio - 1))
 
 
 def _numbers(side: Side, goal: float) -> Iterator[int]:
-    """Numbers of poles upwards from the first whose cached approximation is within the goal, as far as it makes sense."""
+    """Numbers of poles upwards from the first whose cached approximation is within the goal, to twice as many."""
     first = _first_within(side, goal)
     if first is None:
         return

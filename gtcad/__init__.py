@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 from gtcad._lazy import lazy_names
 
 if TYPE_CHECKING:
-    from gtcad import converters as converters
-    from gtcad import differential as differential
-    from gtcad import measure as measure
+    from . import converters as converters
+    from . import differential as differential
+    from . import measure as measure
     from gtcad.basis import BERNSTEIN as BERNSTEIN
     from gtcad.basis import GT as GT
     from gtcad.basis import Basis as Basis

@@ -6,11 +6,13 @@ import math
 import re
 from datetime import datetime
 from pathlib import Path
+from typing import Literal
 
 from gtcad._documents import SUFFIXES
 
 FORMATS = {".step": "STEP", ".stp": "STEP", ".igs": "IGES", ".iges": "IGES", ".brep": "BREP"}
-SCHEMAS = ("AP242", "AP214", "AP203")
+Schema = Literal["AP242", "AP214", "AP203"]
+SCHEMAS: tuple[Schema, ...] = ("AP242", "AP214", "AP203")
 MILLIMETRES = {"": 1.0, "mm": 1.0, "um": 1e-3, "nm": 1e-6, "cm": 10.0, "m": 1e3, "in": 25.4, "ft": 304.8}
 DEGREES = (3, 25)
 END_ORDERS = (0, 3)
@@ -60,11 +62,12 @@ def end_order(text: str) -> int:
     return whole_number(text, *END_ORDERS)
 
 
-def schema(text: str) -> str:
+def schema(text: str) -> Schema:
     """The name of a STEP schema, in upper case."""
-    if text.upper() not in SCHEMAS:
-        raise Refused(f"must be one of {', '.join(SCHEMAS)}, got {text!r}")
-    return text.upper()
+    for name in SCHEMAS:
+        if text.upper() == name:
+            return name
+    raise Refused(f"must be one of {', '.join(SCHEMAS)}, got {text!r}")
 
 
 def timestamp(text: str) -> datetime:

@@ -220,9 +220,8 @@ class Basis:
     def __post_init__(self) -> None:
         least = self.family.minimum_degree
         if isinstance(self.degree, bool) or self.degree != int(self.degree) or not least <= self.degree <= MAX_DEGREE:
-            raise InputError(
-                f"degree must be a whole number in [{least}, {MAX_DEGREE}] for the family {self.family.name}, got {self.degree}"
-            )
+            allowed = f"in [{least}, {MAX_DEGREE}] for the family {self.family.name}"
+            raise InputError(f"degree must be a whole number {allowed}, got {self.degree}")
         object.__setattr__(self, "degree", int(self.degree))
         object.__setattr__(self, "gamma", checked_gamma("gamma", self.gamma, self.family))
 
@@ -317,7 +316,7 @@ def _bernstein(degree: int, t: Array, order: int) -> Array:
     binomials = _binomials(low)
     for i in range(low, -1, -1):
         lower[i] *= power
-        if 1 < binomials[i]:
+        if binomials[i] > 1:
             lower[i] *= binomials[i]
         if i:
             power *= rest

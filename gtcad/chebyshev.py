@@ -31,7 +31,7 @@ _STAGES = (2.5, 5.0, 9.0)  # nodes for each degree on the way to the final numbe
 def nodes(count: int) -> Array:
     """Zeros of T_count in ascending order, shape (count,)."""
     z = -np.cos(np.pi * (np.arange(count) + 0.5) / count)
-    z = (z - z[::-1]) / 2  # exactly symmetric
+    z = np.asarray((z - z[::-1]) / 2)  # exactly symmetric
     z.flags.writeable = False
     return z
 
@@ -42,14 +42,14 @@ def transform(count: int) -> Array:
     matrix = evaluation(count, count).T * (2.0 / count)
     matrix[0] /= 2
     matrix.flags.writeable = False
-    return matrix
+    return np.asarray(matrix)
 
 
 @lru_cache(maxsize=512)
 def evaluation(count: int, degree_count: int) -> Array:
     """Values T_k at ``nodes(count)``, shape (count, degree_count)."""
     angle = np.pi * (count - 0.5 - np.arange(count)) / count
-    matrix = np.cos(np.outer(angle, np.arange(degree_count)))
+    matrix: Array = np.cos(np.outer(angle, np.arange(degree_count)))
     matrix.flags.writeable = False
     return matrix
 

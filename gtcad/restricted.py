@@ -74,7 +74,7 @@ class RestrictedSurface(SeparableSurface):
 def Restricted(shape: SeparableCurve, range: Sequence[float]) -> RestrictedCurve: ...
 @overload
 def Restricted(shape: SeparableSurface, range: Sequence[Sequence[float]]) -> RestrictedSurface: ...
-def Restricted(  # noqa: N802 - reads as the kind of shape it makes
+def Restricted(
     shape: SeparableCurve | SeparableSurface,
     range: Sequence[float] | Sequence[Sequence[float]],
 ) -> RestrictedCurve | RestrictedSurface:

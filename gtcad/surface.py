@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gtcad.basis import GT, Basis, Family, Gamma, checked_gamma
+from gtcad.basis import GT, Basis, Family, Gamma, checked_gamma, checked_parameters
 from gtcad.curve import Curve
 from gtcad.errors import InputError
-from gtcad.protocol import SeparableSurface, affine, checked_parameters, checked_points
+from gtcad.protocol import SeparableSurface, affine, checked_points
 
 Array = NDArray[np.float64]
 

@@ -18,10 +18,10 @@ from typer.testing import CliRunner
 import gtcad
 import gtcad.model
 from gtcad import BERNSTEIN, Curve, Restricted, Surface, _options, _tables, cli
-from gtcad.converters import jobs
+from gtcad.converters import fit, jobs
 from gtcad.converters.bspline import BSplineSurface
 from gtcad.converters.part import EllipseArc, Part
-from gtcad.errors import KernelError, KernelMissing
+from gtcad.errors import KernelError, KernelMissing, ToleranceNotMet
 from gtcad.model import Model
 from gtcad.protocol import Shape
 
@@ -45,8 +45,17 @@ def process(*arguments: object, **keywords: Any) -> subprocess.CompletedProcess[
 
 @pytest.fixture
 def model(tmp_path: Path) -> Path:
+    """A model whose shapes have exact forms, which are quick to find."""
     path = tmp_path / "model.toml"
-    gtcad.dump_model({"arch": ARCH, "quarter": QUARTER, "roof": ROOF}, path, colors={"roof": "#ff8000"})
+    gtcad.dump_model({"quarter": QUARTER, "roof": ROOF}, path, colors={"roof": "#ff8000"})
+    return path
+
+
+@pytest.fixture
+def fitted(tmp_path: Path) -> Path:
+    """A model with a shape that has no exact form."""
+    path = tmp_path / "fitted.json"
+    gtcad.dump_model({"arch": ARCH, "quarter": QUARTER}, path)
     return path
 
 
@@ -92,44 +101,51 @@ def test_export_writes_the_format_of_the_suffix(model: Path, tmp_path: Path, nam
     assert (result.exit_code, result.stderr) == (0, "")
     assert (tmp_path / name).stat().st_size > 1000
     form = _options.exchange_format(name)
-    assert [part.name for part in jobs.read_parts(str(tmp_path / name), form)] == ["arch", "quarter", "roof"]
+    names = [part.name for part in jobs.read_parts(str(tmp_path / name), form)]
+    assert names == (["", ""] if form == "BREP" else ["quarter", "roof"])
 
 
-def test_export_prints_a_row_for_each_shape(model: Path, tmp_path: Path) -> None:
-    lines = export(model, tmp_path / "out.step").stdout.splitlines()
+def test_export_prints_a_row_for_each_shape(fitted: Path, tmp_path: Path) -> None:
+    lines = export(fitted, tmp_path / "out.step").stdout.splitlines()
     assert lines[0].split() == ["name", "poles", "degree", "deviation", "in", "mm", "form"]
-    assert [line.split()[0] for line in lines[2:]] == ["arch", "quarter", "roof"]
-    assert [line.split()[-1] for line in lines[2:]] == ["fitted", "exact", "exact"]
+    assert [line.split()[0] for line in lines[2:]] == ["arch", "quarter"]
+    assert [line.split()[-1] for line in lines[2:]] == ["fitted", "exact"]
     assert max(map(len, lines)) <= 80
 
 
-def test_export_as_json_is_one_document_with_proved_deviations(model: Path, tmp_path: Path) -> None:
-    result = export(model, tmp_path / "out.step", "--json")
+def test_export_as_json_is_one_document_with_proved_deviations(fitted: Path, tmp_path: Path) -> None:
+    result = export(fitted, tmp_path / "out.step", "--json")
     document = json.loads(result.stdout)
-    assert (document["model"], document["output"]) == (str(model), str(tmp_path / "out.step"))
+    assert (document["model"], document["output"]) == (str(fitted), str(tmp_path / "out.step"))
     assert (document["written"], document["tolerance"]) == (True, 1e-4)
     for shape in document["shapes"]:
         lower, upper = shape["deviation"]
         assert 0 <= lower <= upper <= 1e-4
-    arch, quarter, roof = document["shapes"]
+    arch, quarter = document["shapes"]
     assert (arch["degree"], arch["exact"], arch["rational"]) == ([5], False, False)
     assert (quarter["degree"], quarter["exact"], quarter["rational"]) == ([2], True, True)
-    assert len(roof["poles"]) == len(roof["degree"]) == 2
 
 
-def test_options_reach_the_fit(model: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out.step"
-    default = exported(model, out)
-    fitted = exported(model, out, "--no-exact", "--degree", 7)
-    assert [shape["exact"] for shape in fitted.values()] == [False] * 3
-    assert fitted["arch"]["degree"] == [7]
-    assert fitted["roof"]["degree"] == [7, 7]
-    auto = exported(model, out, "--degree", "auto")
-    limited = exported(model, out, "--degree", "auto", "--max-degree", 6)
-    assert auto["arch"]["poles"] <= limited["arch"]["poles"] <= default["arch"]["poles"]
-    assert limited["arch"]["degree"][0] <= 6
-    assert exported(model, out, "--continuity", 1)["arch"]["poles"] > default["arch"]["poles"]
-    assert exported(model, out, "--end-order", 3)["arch"]["poles"] >= default["arch"]["poles"]
+def test_options_reach_the_fit(monkeypatch: pytest.MonkeyPatch, model: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out.brep"
+    roof = exported(model, out)["roof"]
+    assert (roof["poles"], roof["degree"], roof["rational"], roof["exact"]) == ([5, 3], [4, 2], True, True)
+    roof = exported(model, out, "--no-exact", "--degree", 7)["roof"]
+    assert (roof["degree"], roof["rational"], roof["exact"]) == ([7, 7], False, False)
+    asked: list[Any] = []
+
+    def fit_shapes(shapes: Any, settings: Any) -> list[Any]:
+        asked.append(settings)
+        return []
+
+    monkeypatch.setattr(jobs, "fit_shapes", fit_shapes)
+    export(model, out)
+    export(model, out, "--degree", "auto", "--max-degree", 7, "--continuity", 6, "--end-order", 3, "--no-exact")
+    common = {"tolerance": 1e-4}
+    assert asked == [
+        common | {"degree": 5, "max_degree": 11, "end_order": 0, "exact": "auto"},
+        common | {"degree": "auto", "max_degree": 7, "end_order": 3, "exact": False, "continuity": 6},
+    ]
 
 
 @pytest.mark.parametrize("name", ["out.step", "out.igs", "out.brep"])
@@ -155,7 +171,7 @@ def test_a_tolerance_that_cannot_be_met_writes_nothing_and_says_the_numbers(mode
     result = run("export", model, "-o", out, "--tolerance", "1e-17")
     assert result.exit_code == 1
     assert out.read_text() == "what was there before"
-    assert "Error: shape 'arch': tolerance 1e-17 is below" in result.stderr
+    assert "Error: shape 'quarter': tolerance 1e-17 is below" in result.stderr
     assert result.stderr.endswith("out.step is not written\n")
     assert "failed" in result.stdout
     document = json.loads(run("export", model, "-o", out, "--tolerance", "1e-17", "--json").stdout)
@@ -164,15 +180,34 @@ def test_a_tolerance_that_cannot_be_met_writes_nothing_and_says_the_numbers(mode
     assert list(tmp_path.iterdir()) == [model, out] or list(tmp_path.iterdir()) == [out, model]
 
 
+def test_a_fit_that_stays_beyond_the_tolerance_is_told_and_the_others_are_tried(
+    monkeypatch: pytest.MonkeyPatch, fitted: Path, tmp_path: Path
+) -> None:
+    real = fit.fit_curve
+
+    def fit_curve(curve: Any, **settings: Any) -> Any:
+        if len(curve.control_points) == 4:
+            raise ToleranceNotMet(settings["tolerance"], 3e-4, 4096, "that is the limit")
+        return real(curve, **settings)
+
+    monkeypatch.setattr(fit, "fit_curve", fit_curve)
+    result = export(fitted, tmp_path / "out.step")
+    assert result.exit_code == 1
+    assert not (tmp_path / "out.step").exists()
+    assert "Error: shape 'arch': tolerance 0.0001 not met: 0.0003 proved with 4096 spans; that is the" in result.stderr
+    rows = [line.split() for line in result.stdout.splitlines()[2:]]
+    assert [(row[0], row[-1]) for row in rows] == [("arch", "failed"), ("quarter", "exact")]
+
+
 def test_lengths_are_scaled_to_millimetres_before_they_are_fitted(tmp_path: Path) -> None:
-    gtcad.dump_model({"arch": ARCH}, tmp_path / "inch.json", unit="in")
+    gtcad.dump_model({"quarter": QUARTER}, tmp_path / "inch.json", unit="in")
     result = run("export", tmp_path / "inch.json", "-o", tmp_path / "out.step", "--tolerance", "1e-5in", "--json")
     document = json.loads(result.stdout)
     assert document["tolerance"] == 1e-5 * 25.4
     assert document["shapes"][0]["deviation"][1] <= document["tolerance"]
     (part,) = jobs.read_parts(str(tmp_path / "out.step"), "STEP")
     assert not isinstance(part.geometry, EllipseArc)
-    assert np.allclose(part.geometry.control_points[-1], [2540, 762, 0])
+    assert np.allclose(part.geometry.control_points[-1], [0, 127, 0])
 
 
 @pytest.mark.parametrize(
@@ -211,20 +246,19 @@ def test_what_is_exported_passes_its_own_check(model: Path, tmp_path: Path, name
     assert (result.exit_code, result.stderr) == (0, "")
     assert result.stdout.splitlines()[0].split()[:2] == ["name", "verdict"]
     document = json.loads(run("check", tmp_path / name, "--against", model, "--tolerance", "1e-4", "--json").stdout)
-    assert [shape["name"] for shape in document["shapes"]] == ["arch", "quarter", "roof"]
+    assert [shape["name"] for shape in document["shapes"]] == ["quarter", "roof"]
     assert {shape["verdict"] for shape in document["shapes"]} <= {"proved", "estimated"}
     assert document["extra"] == []
 
 
 def test_check_finds_what_was_changed(model: Path, tmp_path: Path) -> None:
     export(model, tmp_path / "out.step")
-    moved = Curve(ARCH.control_points * [[1, 1], [1, 1.001], [1, 1], [1, 1]], ARCH.gamma)
-    gtcad.dump_model({"arch": moved, "quarter": QUARTER, "roof": ROOF}, tmp_path / "moved.json")
+    moved = Curve(QUARTER.control_points * [[1, 1, 1], [1, 1.001, 1], [1, 1, 1]])
+    gtcad.dump_model({"quarter": moved, "roof": ROOF}, tmp_path / "moved.json")
     result = run("check", tmp_path / "out.step", "--against", tmp_path / "moved.json", "--tolerance", "1e-4", "--json")
     assert result.exit_code == 1
     verdicts = [shape["verdict"] for shape in json.loads(result.stdout)["shapes"]]
-    assert verdicts[0] == "failed"
-    assert "failed" not in verdicts[1:]
+    assert verdicts == ["failed", "proved"]
 
 
 def fake_report(monkeypatch: pytest.MonkeyPatch, *verdicts: str, extra: tuple[str, ...] = ()) -> None:
@@ -290,15 +324,17 @@ def test_info_of_a_model(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("name", "form"), [("out.stp", "STEP"), ("out.igs", "IGES"), ("out.brep", "BREP")])
 def test_info_of_an_exchange_file(model: Path, tmp_path: Path, name: str, form: str) -> None:
-    poles = {name: shape["poles"] for name, shape in exported(model, tmp_path / name).items()}
+    poles = [shape["poles"] for shape in exported(model, tmp_path / name).values()]
     document = json.loads(run("info", tmp_path / name, "--json").stdout)
     assert (document["format"], document["unit"]) == (form, "mm")
-    assert [shape["kind"] for shape in document["shapes"]] == ["curve", "curve", "surface"]
-    assert {shape["name"]: shape["poles"] for shape in document["shapes"]}["arch"] == poles["arch"]
+    assert [shape["kind"] for shape in document["shapes"]] == ["curve", "surface"]
+    assert document["shapes"][0]["poles"] == poles[0]
     assert all(shape["valid"] for shape in document["shapes"])
-    if form != "BREP":
-        assert document["shapes"][2]["color"] == "#ff8000"
-    assert "arch" in run("info", tmp_path / name).stdout
+    lines = run("info", tmp_path / name).stdout.splitlines()
+    assert lines[0].startswith(f"{tmp_path / name}: {form}, unit mm, size 60 x ")
+    if form != "BREP":  # which has neither names nor colours
+        assert document["shapes"][1]["color"] == "#ff8000"
+        assert lines[4].split()[0] == "roof"
 
 
 def test_the_box_of_an_arc_is_that_of_its_points() -> None:

@@ -3,17 +3,30 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Sequence
+import math
+import os
+from collections.abc import Callable, Iterator, Sequence
 from datetime import datetime
+from pathlib import Path
 from typing import Any, Literal
 
 import gtcad
+from gtcad.converters.bspline import BSplineCurve, BSplineSurface
 from gtcad.converters.occt.compat import kernel_guard, kernel_module
 from gtcad.converters.occt.document import Document, Item
+from gtcad.converters.occt.geometry import conic_spline, is_full_ellipse
 from gtcad.converters.occt.session import READING_IGES, READING_STEP, quiet, session, writing_iges, writing_step
-from gtcad.converters.occt.topology import TOLERANCE, pieces
-from gtcad.converters.part import Color
-from gtcad.errors import KernelError
+from gtcad.converters.occt.topology import (
+    TOLERANCE,
+    edge_geometry,
+    face_geometry,
+    is_valid,
+    make_edge,
+    make_face,
+    pieces,
+)
+from gtcad.converters.part import Color, EllipseArc, Part
+from gtcad.errors import FileError, InputError, KernelError
 
 _APIHeaderSection = kernel_module("APIHeaderSection")
 _BRep = kernel_module("BRep")
@@ -27,17 +40,18 @@ _STEPCAFControl = kernel_module("STEPCAFControl")
 _STEPControl = kernel_module("STEPControl")
 _StepData = kernel_module("StepData")
 _TCollection = kernel_module("TCollection")
+_TopAbs = kernel_module("TopAbs")
 _TopoDS = kernel_module("TopoDS")
 
 Schema = Literal["AP242", "AP214", "AP203"]
-_SCHEMAS = {"AP242": "AP242DIS", "AP214": "AP214IS", "AP203": "AP203"}
+SCHEMAS = {"AP242": "AP242DIS", "AP214": "AP214IS", "AP203": "AP203"}
 _REAL_FORMAT = "%.16E"  # 17 digits: every double comes back bit for bit
 
 
 # --- writing ------------------------------------------------------------------------------------------------------
 
 
-def step_bytes(items: Sequence[Item], *, schema: Schema, tolerance: float | None, timestamp: datetime) -> bytes:
+def step_bytes(items: Sequence[Item], *, schema: Schema, tolerance: float, timestamp: datetime) -> bytes:
     """A STEP file with one product for each item, in order.
 
     Parameters
@@ -47,7 +61,7 @@ def step_bytes(items: Sequence[Item], *, schema: Schema, tolerance: float | None
     schema
         "AP242", "AP214" or "AP203".
     tolerance
-        Goes into the file's UNCERTAINTY, in mm; None for the tolerance of the shapes.
+        Goes into the file's UNCERTAINTY, in mm.
     timestamp
         Goes into the header and, in AP203, into the creation date.
 
@@ -56,7 +70,7 @@ def step_bytes(items: Sequence[Item], *, schema: Schema, tolerance: float | None
     KernelError
         When the kernel refuses to write.
     """
-    with session("writing STEP", writing_step(_SCHEMAS[schema], tolerance or TOLERANCE)):
+    with session("writing STEP", writing_step(SCHEMAS[schema], tolerance)):
         writer, document, done = _STEPCAFControl.STEPCAFControl_Writer(), Document(), 0
         for i, item in enumerate(items):
             # label by label: in one go the kernel orders the colours by memory address
@@ -153,7 +167,7 @@ def _set_step_header(model: Any, timestamp: datetime) -> None:
     header.Apply(model)
 
 
-def iges_bytes(items: Sequence[Item], *, tolerance: float | None, timestamp: datetime) -> bytes:
+def iges_bytes(items: Sequence[Item], *, tolerance: float, timestamp: datetime) -> bytes:
     """An IGES file with one entity for each item, in order.
 
     Parameters
@@ -161,7 +175,7 @@ def iges_bytes(items: Sequence[Item], *, tolerance: float | None, timestamp: dat
     items
         At least one. Letters beyond ASCII, which IGES does not know, are written in UTF-8.
     tolerance
-        Goes into the global section's minimum resolution, in mm; None for the tolerance of the shapes.
+        Goes into the global section's minimum resolution, in mm.
     timestamp
         Goes into the global section.
 
@@ -170,7 +184,7 @@ def iges_bytes(items: Sequence[Item], *, tolerance: float | None, timestamp: dat
     KernelError
         When the kernel refuses to write.
     """
-    with session("writing IGES", writing_iges(tolerance or TOLERANCE)):
+    with session("writing IGES", writing_iges(tolerance)):
         writer, document, done = _IGESCAFControl.IGESCAFControl_Writer(), Document(), 0
         writer.SetColorMode(False)
         tops = []
@@ -232,20 +246,25 @@ def brep_bytes(items: Sequence[Item]) -> bytes:
 # --- reading ------------------------------------------------------------------------------------------------------
 
 
+class Unreadable(Exception):
+    """The kernel cannot read a file, or not all of it."""
+
+
 def step_items(data: bytes) -> list[Item]:
     """Every face and every free edge of a STEP file, in mm and in the order of the file.
 
     Raises
     ------
-    ValueError
+    Unreadable
         When the kernel cannot read it.
     """
     with session("reading STEP", READING_STEP):
         reader, document = _STEPCAFControl.STEPCAFControl_Reader(), Document()
         if reader.ReadStream("gtcad", io.BytesIO(data)) != _IFSelect.IFSelect_RetDone:
-            raise ValueError("the kernel cannot read it")
+            raise Unreadable("its syntax is wrong")
+        _check_model(reader.Reader().WS())
         if not reader.Transfer(document.data):
-            raise ValueError("the kernel finds no shape in it")
+            raise Unreadable("the kernel finds no shape in it")
         return list(document.items())
 
 
@@ -254,17 +273,30 @@ def iges_items(path: str) -> list[Item]:
 
     Raises
     ------
-    ValueError
+    Unreadable
         When the kernel cannot read it.
     """
     with session("reading IGES", READING_IGES):
         reader, document = _IGESCAFControl.IGESCAFControl_Reader(), Document()
         # from a path: ReadStream ends the process for IGES
         if reader.ReadFile(path) != _IFSelect.IFSelect_RetDone:
-            raise ValueError("the kernel cannot read it")
+            raise Unreadable("its syntax is wrong")
+        _check_model(reader.WS())
         if not reader.Transfer(document.data):
-            raise ValueError("the kernel finds no shape in it")
+            raise Unreadable("the kernel finds no shape in it")
         return list(document.items())
+
+
+def _check_model(work_session: Any) -> None:
+    """Refuse entities with parameters that the kernel could not read: it would leave them out, or die of them."""
+    checks = work_session.ModelCheckList(False)
+    checks.Start()
+    while checks.More():
+        check = checks.Value()
+        if check.HasFailed():
+            label = work_session.Model().StringLabel(check.Entity()).ToCString() if check.HasEntity() else "file"
+            raise Unreadable(f"{label}: {check.CFail(1)}")
+        checks.Next()
 
 
 def brep_items(data: bytes) -> list[Item]:
@@ -272,12 +304,127 @@ def brep_items(data: bytes) -> list[Item]:
 
     Raises
     ------
-    ValueError
+    Unreadable
         When the kernel cannot read it.
     """
     with kernel_guard("reading BREP"), quiet():
         shape = _TopoDS.TopoDS_Shape()
         _BRepTools.Read_s(shape, io.BytesIO(data), _BRep.BRep_Builder())
         if shape.IsNull():
-            raise ValueError("the kernel cannot read it")
+            raise Unreadable("its syntax is wrong")
         return [Item(piece, "") for piece in pieces(shape)]
+
+
+# --- between files, parts and shapes ------------------------------------------------------------------------------
+
+
+def file_bytes(path: str | os.PathLike[str]) -> bytes:
+    """All of a file.
+
+    Raises
+    ------
+    FileError
+        When there is no such file, or it cannot be read or is empty.
+    """
+    try:
+        data = Path(path).read_bytes()
+    except FileNotFoundError as error:
+        raise FileError(str(path), "no such file") from error
+    except OSError as error:
+        raise FileError(str(path), f"cannot be read: {error.strerror}") from error
+    if not data:
+        raise FileError(str(path), "is empty")
+    return data
+
+
+def items_of(parts: Sequence[Part], *, full_ellipses_as_splines: bool = False) -> list[Item]:
+    """The edge or face of each part.
+
+    Raises
+    ------
+    InputError
+        When there is no part, or a part is too small or too degenerate for the kernel.
+    KernelError
+        When the kernel refuses a shape.
+    """
+    if not parts:
+        raise InputError("a file needs at least one part, got none")
+    return [_item(i, part, full_ellipses_as_splines) for i, part in enumerate(parts)]
+
+
+def _item(i: int, part: Part, full_ellipses_as_splines: bool) -> Item:
+    geometry = part.geometry
+    if full_ellipses_as_splines and isinstance(geometry, EllipseArc) and is_full_ellipse(geometry):
+        geometry = conic_spline(geometry)
+    try:
+        shape = make_face(geometry) if isinstance(geometry, BSplineSurface) else make_edge(geometry)
+    except (InputError, KernelError) as error:
+        raise type(error)(f"part {i} ({part.name!r}): {error}") from error
+    return Item(shape, part.name, part.color)
+
+
+def checked_tolerance(tolerance: float | None) -> float:
+    """The tolerance, or that of the shapes for None.
+
+    Raises
+    ------
+    InputError
+        When it is not a positive number.
+    """
+    if tolerance is None:
+        return TOLERANCE
+    if not 0 < tolerance < math.inf:
+        raise InputError(f"tolerance must be a positive number of mm, got {tolerance}")
+    return float(tolerance)
+
+
+def parts_of(path: str, kind: str, read: Callable[[], list[Item]]) -> list[Part]:
+    """The parts of a file.
+
+    Parameters
+    ----------
+    path, kind
+        For messages: the file and the name of its format.
+    read
+        Reads the shapes.
+
+    Raises
+    ------
+    FileError
+        When it cannot be read or holds nothing.
+    KernelError
+        When a face or edge has no exact B-spline form.
+    """
+    try:
+        items = read()
+    except (Unreadable, KernelError) as error:
+        raise FileError(path, f"is not a readable {kind} file: {error}") from error
+    if not items:
+        raise FileError(path, "holds neither faces nor edges")
+    return [_part(path, i, item) for i, item in enumerate(items)]
+
+
+def _part(path: str, i: int, item: Item) -> Part:
+    is_face = item.shape.ShapeType() == _TopAbs.TopAbs_FACE
+    geometry: BSplineSurface | BSplineCurve | EllipseArc
+    trimmed = False
+    try:
+        with kernel_guard("reading a shape"):
+            if is_face:
+                geometry, source, trimmed = face_geometry(item.shape)
+            else:
+                geometry, source = edge_geometry(item.shape)
+            valid = is_valid(item.shape)
+    except KernelError as error:
+        raise KernelError(f"{path}: part {i} ({item.name!r}): {error}") from error
+    except InputError as error:
+        raise FileError(path, f"part {i} ({item.name!r}) is damaged: {error}") from error
+    return Part(
+        item.name,
+        geometry,
+        item.color,
+        source=source,
+        trimmed=trimmed,
+        reversed=item.shape.Orientation() == _TopAbs.TopAbs_REVERSED,
+        valid=valid,
+    )

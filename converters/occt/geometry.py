@@ -89,6 +89,18 @@ def to_geom_conic(arc: EllipseArc) -> tuple[Any, float, float]:
     return conic, first, first + (arc.end - arc.start)
 
 
+def is_full_ellipse(arc: EllipseArc) -> bool:
+    """Whether an arc is all of an ellipse that is no circle and does not begin on its longer axis."""
+    conic, first, last = to_geom_conic(arc)
+    return not arc.is_circle and _is_whole(first, last, first, first + conic.Period()) and first != 0
+
+
+def conic_spline(arc: EllipseArc) -> BSplineCurve:
+    """The arc as an exact rational B-spline; its parameter is not the angle."""
+    conic, first, last = to_geom_conic(arc)
+    return from_geom_curve(_GeomConvert.CurveToBSplineCurve_s(_Geom.Geom_TrimmedCurve(conic, first, last)))
+
+
 def _check_knots(name: str, knots: Array) -> None:
     least = LEAST_KNOT_GAP * max(1.0, float(knots[-1] - knots[0]))
     gap = float(np.diff(knots).min())
@@ -239,7 +251,9 @@ def _ellipse_arc(conic: Any, first: float, last: float) -> EllipseArc:
     axes = conic.Position()
     a = radii[0] * np.array(_coordinates(axes.XDirection()))
     b = radii[1] * np.array(_coordinates(axes.YDirection()))
-    return EllipseArc(_coordinates(conic.Location()), a, b, first, last)
+    if last - first > 2 * math.pi and _is_whole(first, last, first, first + 2 * math.pi):
+        last = first + 2 * math.pi
+    return EllipseArc(_coordinates(conic.Location()), a + 0.0, b + 0.0, first, last)
 
 
 def exact_surface(surface: Any, bounds: Bounds) -> tuple[BSplineSurface, str, Bounds]:

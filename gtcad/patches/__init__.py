@@ -1,0 +1,1 @@
+"""Patches built from curves: one module for each kind."""

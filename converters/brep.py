@@ -1,0 +1,60 @@
+"""Writing and reading the kernel's own BREP files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+
+from gtcad._files import written_whole
+from gtcad.converters.occt import exchange
+from gtcad.converters.part import Part
+from gtcad.errors import FileError
+
+
+def write_brep(path: str | os.PathLike[str], parts: Sequence[Part]) -> None:
+    """Write curves and surfaces to a BREP file in mm: one compound, in their order.
+
+    The format has neither names nor colours nor a date: equal input gives equal bytes. Control points, weights and
+    knots read back bit for bit. Weights that are all equal are left out, since the kernel takes such a spline for a
+    polynomial one.
+
+    Parameters
+    ----------
+    path
+        Written whole or not at all; an existing file is replaced.
+    parts
+        At least one.
+
+    Raises
+    ------
+    InputError
+        When there is no part, or a part is too small or too degenerate for the kernel.
+    FileError
+        When the path cannot be written to.
+    KernelError
+        When the kernel refuses a shape.
+    """
+    data = exchange.brep_bytes(exchange.items_of(parts))
+    with written_whole(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def read_brep(path: str | os.PathLike[str]) -> list[Part]:
+    """Every face, and every edge that belongs to no face, of a BREP file, in the order of the file, without names.
+
+    Parameters
+    ----------
+    path
+        In text form; the coordinates are taken for mm.
+
+    Raises
+    ------
+    FileError
+        When there is no such file, it is damaged or no BREP file, or holds neither faces nor edges.
+    KernelError
+        When a face or edge has no exact B-spline form.
+    """
+    data = exchange.file_bytes(path)
+    if b"CASCADE Topology V" not in data[:1000]:
+        raise FileError(str(path), "is not a readable BREP file: it does not begin with CASCADE Topology")
+    return exchange.parts_of(str(path), "BREP", lambda: exchange.brep_items(data))

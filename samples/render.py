@@ -1,0 +1,270 @@
+"""Pictures of model files: shaded surfaces with isolines and control nets, curves with their control polygons.
+
+``python samples/render.py --output build/pictures`` renders every sample and the picture of the README;
+``python samples/render.py --output docs/images overview`` renders only the latter, which is kept in the repository.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+
+mpl.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.path import Path as Outline
+from matplotlib.patches import PathPatch
+from numpy.typing import NDArray
+
+import gtcad
+from gtcad.converters import fit_curve
+from gtcad.model import Model
+from gtcad.protocol import SeparableCurve, SeparableSurface, Shape
+
+Array = NDArray[np.float64]
+
+SAMPLES = Path(__file__).parent
+DEFAULT_COLOR = "#8fa8c8"
+INK, NET, PAPER = "#20242c", "#5b6472", "#ffffff"
+LIGHT = np.array([-0.45, 0.75, 0.65])  # right, up and towards the viewer
+FILL = np.array([0.8, 0.1, 0.5])
+CELLS, ISOLINES, STROKE = 56, 8, 96
+VIEWS = {  # azimuth and elevation of the eye in degrees
+    "bonnet": (38.0, 24.0),
+    "handle": (-62.0, 22.0),
+    "pipe-elbow": (-128.0, 28.0),
+    "saddle-roof": (-52.0, 20.0),
+    "visor": (28.0, 18.0),
+}
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera that looks at the middle of a box from a distance of a few box sizes."""
+
+    middle: Array
+    axes: Array
+    distance: float
+
+    @classmethod
+    def around(cls, points: Array, azimuth: float, elevation: float) -> Camera:
+        least, most = points.min(axis=0), points.max(axis=0)
+        a, e = np.radians([azimuth, elevation])
+        toward = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+        right = np.array([-np.sin(a), np.cos(a), 0.0])
+        axes = np.array([right, np.cross(toward, right), toward])
+        return cls((least + most) / 2, axes, 3.2 * float(np.linalg.norm(most - least)))
+
+    def project(self, points: Array) -> tuple[Array, Array]:
+        """Places in the picture, shape (..., 2), and depths, larger the nearer, shape (...)."""
+        seen = (points - self.middle) @ self.axes.T
+        away = self.distance - seen[..., 2]
+        return seen[..., :2] * (self.distance / away)[..., None], -away
+
+
+@dataclass
+class Scene:
+    """Facets and strokes, painted from back to front."""
+
+    camera: Camera
+    outlines: list[Array] = field(default_factory=list)
+    depths: list[float] = field(default_factory=list)
+    faces: list[tuple[float, ...]] = field(default_factory=list)
+    edges: list[tuple[float, ...]] = field(default_factory=list)
+    widths: list[float] = field(default_factory=list)
+
+    def add_surface(self, surface: SeparableSurface, color: str) -> None:
+        t = np.linspace(0.0, 1.0, CELLS + 1)
+        grid = surface.evaluate(t[:, None], t[None, :])
+        corners = np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]], axis=2).reshape(-1, 4, 3)
+        places, depths = self.camera.project(corners)
+        shades = self._shades(corners, np.array(to_rgb(color)))
+        for outline, depth, shade in zip(places, depths.mean(axis=1), shades, strict=True):
+            self._add(outline, depth, (*shade, 1.0), (*shade, 1.0), 0.5)
+        for k, x in enumerate(np.linspace(0.0, 1.0, ISOLINES + 1)):
+            border = k in (0, ISOLINES)
+            s = np.linspace(0.0, 1.0, STROKE + 1)
+            for line in (surface.evaluate(x, s), surface.evaluate(s, x)):
+                self.add_stroke(line, INK, 1.1 if border else 0.45, opacity=0.9 if border else 0.4)
+
+    def add_stroke(self, points: Array, color: str, width: float, *, opacity: float = 1.0, lift: float = 0.004) -> None:
+        places, depths = self.camera.project(points)
+        depths = depths + lift * self.camera.distance
+        for k in range(len(points) - 1):
+            self._add(places[k : k + 2], depths[k : k + 2].mean(), (0, 0, 0, 0), (*to_rgb(color), opacity), width)
+
+    def add_net(self, points: Array) -> None:
+        rows = [*points, *points.swapaxes(0, 1)] if points.ndim == 3 else [points]
+        for row in rows:
+            for start, end in zip(row[:-1], row[1:], strict=True):
+                self.add_stroke(start + np.linspace(0, 1, 25)[:, None] * (end - start), NET, 0.6, opacity=0.8)
+
+    def draw(self, axes: Axes) -> None:
+        order = np.argsort(self.depths, kind="stable")
+        axes.add_collection(
+            PolyCollection(
+                [self.outlines[k] for k in order],
+                facecolors=[self.faces[k] for k in order],
+                edgecolors=[self.edges[k] for k in order],
+                linewidths=[self.widths[k] for k in order],
+                capstyle="round",
+            )
+        )
+
+    def _add(
+        self, outline: Array, depth: float, face: tuple[float, ...], edge: tuple[float, ...], width: float
+    ) -> None:
+        self.outlines.append(outline)
+        self.depths.append(float(depth))
+        self.faces.append(face)
+        self.edges.append(edge)
+        self.widths.append(width)
+
+    def _shades(self, corners: Array, color: Array) -> Array:
+        normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]) @ self.camera.axes.T
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        normals *= np.where(normals[:, 2:] < 0, -1.0, 1.0)
+        key, fill = (np.clip(normals @ (light / np.linalg.norm(light)), 0, 1)[:, None] for light in (LIGHT, FILL))
+        half = LIGHT / np.linalg.norm(LIGHT) + [0.0, 0.0, 1.0]
+        gloss = np.clip(normals @ (half / np.linalg.norm(half)), 0, 1)[:, None] ** 40
+        return np.asarray(np.clip(color * (0.32 + 0.62 * key + 0.16 * fill) + 0.28 * gloss, 0, 1))
+
+
+def net_of(shape: Shape) -> Array:
+    """The control points of a shape, plane ones at z = 0."""
+    points = shape.coefficients
+    return np.pad(points, [(0, 0)] * (points.ndim - 1) + [(0, 3 - points.shape[-1])])
+
+
+def in_space(shape: Shape) -> Shape:
+    return shape if shape.dimension == 3 else shape.transformed(np.eye(3, 2))
+
+
+def samples_of(shape: Shape) -> Array:
+    t = np.linspace(0.0, 1.0, 41)
+    points = shape.evaluate(t) if isinstance(shape, SeparableCurve) else shape.evaluate(t[:, None], t[None, :])
+    return points.reshape(-1, points.shape[-1])
+
+
+def draw_space(axes: Axes, model: Model, view: tuple[float, float], *, net: bool = True) -> None:
+    shapes = {name: in_space(shape) for name, shape in model.items()}
+    camera = Camera.around(np.concatenate([samples_of(shape) for shape in shapes.values()]), *view)
+    scene = Scene(camera)
+    seen = [camera.project(samples_of(shape))[0] for shape in shapes.values()]
+    dots: list[Array] = []
+    for name, shape in shapes.items():
+        color = model.colors.get(name, DEFAULT_COLOR)
+        if isinstance(shape, SeparableSurface):
+            scene.add_surface(shape, color)
+        else:
+            scene.add_stroke(shape.evaluate(np.linspace(0.0, 1.0, 4 * STROKE + 1)), color, 3.0, lift=0.008)
+        if net and isinstance(shape, SeparableSurface):
+            scene.add_net(net_of(shape))
+            dots.append(camera.project(net_of(shape))[0].reshape(-1, 2))
+    scene.draw(axes)
+    if dots:
+        axes.plot(*np.concatenate(dots).T, ".", color=NET, markersize=2.6, zorder=3)
+    frame(axes, np.concatenate(seen + dots))
+
+
+def draw_plane(axes: Axes, model: Model) -> None:
+    curves = [shape for shape in model.values() if isinstance(shape, SeparableCurve)]
+    t = np.linspace(0.0, 1.0, 401)
+    loops = [np.concatenate([curve.evaluate(t) for curve in loop]) for loop in closed_loops(curves)]
+    if loops:
+        codes = [np.r_[Outline.MOVETO, [Outline.LINETO] * (len(loop) - 1)] for loop in loops]
+        outline = Outline(np.concatenate(loops), np.concatenate(codes))
+        axes.add_patch(PathPatch(outline, facecolor="#e9edf3", edgecolor="none", zorder=0))
+    for name, curve in model.items():
+        points = net_of(curve)[:, :2]
+        axes.plot(*points.T, "-", color=NET, linewidth=0.6, zorder=1)
+        axes.plot(*points.T, "o", color=PAPER, markeredgecolor=NET, markersize=3, markeredgewidth=0.7, zorder=3)
+        axes.plot(*curve.evaluate(t).T, color=model.colors.get(name, INK), linewidth=2, zorder=2)
+        axes.plot(*curve.evaluate(np.array([0.0, 1.0])).T, "o", color=INK, markersize=3.4, zorder=4)
+    frame(axes, np.concatenate([net_of(curve)[:, :2] for curve in curves]))
+
+
+def closed_loops(curves: Sequence[SeparableCurve]) -> Iterator[list[SeparableCurve]]:
+    """Chains of curves, in their order, that start and end at the very same point."""
+    chain: list[SeparableCurve] = []
+    for curve in curves:
+        if chain and not np.array_equal(chain[-1].evaluate(1.0), curve.evaluate(0.0)):
+            chain = []
+        chain.append(curve)
+        if np.array_equal(chain[0].evaluate(0.0), curve.evaluate(1.0)):
+            yield chain
+            chain = []
+
+
+def frame(axes: Axes, points: Array) -> None:
+    """Equal axes around the points, without ticks or a box."""
+    least, most = points.min(axis=0), points.max(axis=0)
+    margin = 0.04 * (most - least).max()
+    axes.set_xlim(least[0] - margin, most[0] + margin)
+    axes.set_ylim(least[1] - margin, most[1] + margin)
+    axes.set_aspect("equal")
+    axes.axis("off")
+
+
+def is_plane(model: Model) -> bool:
+    return all(shape.dimension == 2 for shape in model.values())
+
+
+def title_of(name: str, model: Model) -> str:
+    points = np.concatenate([samples_of(shape) for shape in model.values()])
+    sides = " x ".join(f"{side:.4g}" for side in points.max(axis=0) - points.min(axis=0))
+    curves = sum(isinstance(shape, SeparableCurve) for shape in model.values())
+    counts = [f"{count} {kind}{'s' * (count > 1)}" for count, kind in ((len(model) - curves, "surface"), (curves, "curve")) if count]
+    return f"{name.replace('-', ' ')}: {' and '.join(counts)}, {sides} {model.unit}"
+
+
+def draw_model(axes: Axes, name: str, model: Model) -> None:
+    if is_plane(model):
+        draw_plane(axes, model)
+    else:
+        draw_space(axes, model, VIEWS.get(name, (-55.0, 25.0)))
+    axes.set_title(title_of(name, model), fontsize=11, color=INK)
+
+
+def render_model(path: Path, output: Path) -> Path:
+    model = gtcad.load_model(path)
+    figure, axes = plt.subplots(figsize=(9, 6.6), layout="constrained")
+    draw_model(axes, path.stem, model)
+    return saved(figure, output / f"{path.stem}.png")
+
+
+def saved(figure: Figure, path: Path) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=130, facecolor=PAPER, metadata={"Software": None})
+    plt.close(figure)
+    return path
+
+
+def models(names: Iterable[str]) -> list[Path]:
+    """The model files that the command line names, by path or by the name of a sample; every sample for none."""
+    everything = sorted(path for path in SAMPLES.iterdir() if path.suffix in (".json", ".toml"))
+    by_name = {path.stem: path for path in everything}
+    return [by_name.get(name) or Path(name) for name in names] or everything
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Render model files to PNG.")
+    parser.add_argument("--output", type=Path, required=True, help="the folder for the pictures")
+    parser.add_argument("models", nargs="*", metavar="MODEL", help="a model file or a sample's name")
+    given = parser.parse_args()
+    for path in models(given.models):
+        print(render_model(path, given.output))
+
+
+if __name__ == "__main__":
+    main()
