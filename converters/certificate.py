@@ -60,6 +60,7 @@ def certify_curve(
     parameter_map: ParameterMap = IDENTITY,
     rtol: float = 0.01,
     resolution: float = 0.0,
+    limit: float = math.inf,
 ) -> Certificate:
     """Prove how far the spline is from the curve.
 
@@ -75,6 +76,8 @@ def certify_curve(
         Wanted ``upper / lower - 1`` beyond rounding and tails.
     resolution
         Tails up to this length are good enough: they are part of the upper bound, and shorter series are faster.
+    limit
+        Above it the deviation is of no interest: the bounds may then be far apart.
 
     Raises
     ------
@@ -91,7 +94,7 @@ def certify_curve(
     fitted = side.local @ spline.homogeneous[side.columns]
     difference, common = _over_common(model, fitted, side.denominator, rational)
     least, most = _range(transform(side.count) @ common[..., None], floor) if rational or side.mapped else _ONES
-    found = maximum(transform(side.count) @ difference / least[:, None, None], rtol=rtol)
+    found = maximum(transform(side.count) @ difference / least[:, None, None], rtol=rtol, limit=limit)
     slack = side.tail + lebesgue(side.count) * (side.rounding + 8 * UNIT_ROUNDOFF)
     slack *= size * float((most / least).max())
     x = side.parameter(found.index, found.place[0])
@@ -109,6 +112,7 @@ def certify_surface(
     parameter_maps: tuple[ParameterMap, ParameterMap] = (IDENTITY, IDENTITY),
     rtol: float = 0.01,
     resolution: float = 0.0,
+    limit: float = math.inf,
 ) -> Certificate:
     """Prove how far the spline surface is from the surface; see ``certify_curve``.
 
@@ -137,7 +141,9 @@ def certify_surface(
         fitted = _spline_values(u, v, part, spline)
         difference, common = _over_common(model, fitted, u.denominator[part, :, None, None] * v.denominator, rational)
         least, most = _range(_series(u, v, common[..., None]), floor) if fractional else _ONES
-        found = maximum(_series(u, v, difference) / least[:, None, None, None], rtol=rtol)
+        series = _series(u, v, difference) / least[:, None, None, None]
+        known = None if fractional else _largest(u, v, difference)
+        found = maximum(series, rtol=rtol, known=known, limit=limit)
         span_u, span_v = divmod(found.index, v.spans)
         x = u.parameter(start + span_u, found.place[0]), v.parameter(span_v, found.place[1])
         own = slack * float((most / least).max())
@@ -255,6 +261,14 @@ def _series(u: _Direction, v: _Direction, values: Array) -> Array:
     """One series for each rectangle, (rectangles, K, L, d), from values on (spans_u, nodes_u, spans_v, nodes_v, d)."""
     series = transform(u.count) @ (transform(v.count) @ values).reshape(*values.shape[:2], -1)
     return np.asarray(series.reshape(values.shape).swapaxes(1, 2).reshape(-1, u.count, v.count, values.shape[-1]))
+
+
+def _largest(u: _Direction, v: _Direction, difference: Array) -> Maximum:
+    """The largest of the values that a family of rectangles is interpolated from."""
+    squares = np.einsum("aibjd,aibjd->aibj", difference, difference)
+    a, i, b, j = (int(k) for k in np.unravel_index(int(squares.argmax()), squares.shape))
+    z = float(nodes(u.count)[i]), float(nodes(v.count)[j])
+    return Maximum(math.sqrt(squares[a, i, b, j]), 0.0, a * v.spans + b, z)
 
 
 def _tensor(rows_u: Array, rows_v: Array, coefficients: Array) -> Array:

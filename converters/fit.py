@@ -201,10 +201,10 @@ class _Attempt:
         self, spline: Spline, certify: Callable[..., Certificate], *approximations: Approximation
     ) -> _Proved[Spline] | None:
         """The spline with its deviation when that is within the tolerance."""
-        certificate = certify(rtol=_COARSE, resolution=_TAIL * self.tolerance)
+        certificate = certify(rtol=_COARSE, resolution=_TAIL * self.tolerance, limit=self.tolerance)
         if certificate.lower <= self.tolerance < certificate.upper:
             certificate = certify(rtol=_FINE)
-        elif certificate.upper > _LOOSE * certificate.lower:  # the spline is far better than asked for
+        elif self.tolerance >= certificate.upper > _LOOSE * certificate.lower:  # the spline is far better than asked for
             certificate = certify(rtol=_COARSE)
         if certificate.upper < self.least:
             self.least = certificate.upper

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 UNIT_ROUNDOFF = 2.0**-53
 _VALUES_AT_ONCE = 200_000  # floats in one block of samples: stays in cache, bounds the memory
-_STAGES = (2.5, 5.0, 9.0)  # nodes for each degree on the way to the final number: sieves out series that cannot matter
+_STAGES = (1.5, 2.5, 5.0, 9.0)  # nodes for each degree on the way to the final number: sieves out series that cannot matter
 
 
 @lru_cache(maxsize=128)
@@ -101,7 +101,9 @@ class Maximum:
     place: tuple[float, ...]
 
 
-def maximum(coefficients: Array, *, rtol: float = 0.01) -> Maximum:
+def maximum(
+    coefficients: Array, *, rtol: float = 0.01, known: Maximum | None = None, limit: float = math.inf
+) -> Maximum:
     """Rigorous maximum of ``|q_b(z)|`` over all series b of a family and z in [-1, 1] (or the square).
 
     A family of B series in one variable has shape (B, K, d), in two variables (B, K, L, d). Series whose sum of
@@ -115,45 +117,50 @@ def maximum(coefficients: Array, *, rtol: float = 0.01) -> Maximum:
         Finite, shape (B, K, d) or (B, K, L, d).
     rtol
         Wanted ``upper / lower - 1``, above 0.
+    known
+        A sample to start from, if there is one already: its lower bound and place.
+    limit
+        When the maximum is seen to exceed this, the upper bound is left as coarse as it is.
 
     Returns
     -------
     Maximum
-        With ``upper <= (1 + rtol) lower``, up to rounding.
+        With ``upper <= (1 + rtol) lower``, up to rounding, unless lower exceeds the limit.
     """
     series = np.ascontiguousarray(np.moveaxis(coefficients, -1, 1))  # (B, d, K[, L])
     variables = series.ndim - 2
-    norms = np.sqrt(np.square(series).sum(axis=1))
+    norms = np.sqrt(np.einsum("bd...,bd...->b...", series, series))
     totals = norms.reshape(len(norms), -1).sum(axis=1)
     quick = totals.copy()
-    best = Maximum(0.0, 0.0, 0, (0.0,) * variables)
-    for ratio in (1.5, *(r for r in _STAGES if r < _node_ratio(rtol / 2, variables)), _node_ratio(rtol / 2, variables)):
+    best = known or Maximum(0.0, 0.0, 0, (0.0,) * variables)
+    final = _node_ratio(rtol / 2, variables)
+    for ratio in (*(r for r in _STAGES[known is not None :] if r < final), final):
         active = np.flatnonzero(quick > (1 + rtol) * best.lower)
-        if not active.size:
+        if not active.size or best.lower > limit:
             break
         active = active[np.argsort(-quick[active])]
         kept = _effective_degrees(norms[active], rtol / 4 * max(best.lower, quick.max() / 4))
         shape = tuple(math.ceil(ratio * max(k, 1)) + 1 for k in kept)
         factor = math.prod(1 / math.cos(math.pi * k / (2 * m)) for k, m in zip(kept, shape, strict=True))
         head = tuple(slice(0, k + 1) for k in kept)
-        beyond = totals[active] - norms[active][(slice(None), *head)].sum(axis=tuple(range(1, variables + 1)))
+        heads = series[(slice(None), slice(None), *head)]
+        beyond = totals - norms[(slice(None), *head)].reshape(len(norms), -1).sum(axis=1)
         block = max(1, _VALUES_AT_ONCE // (math.prod(shape) * series.shape[1]))
         for start in range(0, len(active), block):
             part = active[start : start + block]
             if quick[part[0]] <= (1 + rtol) * best.lower:
                 break  # sorted: no later one can matter
-            samples = _sample(series[part][(slice(None), slice(None), *head)], shape)
+            samples = _sample(heads[part], shape)
             where = samples.argmax(axis=1)
             peaks = np.sqrt(samples[np.arange(len(part)), where])
-            rest = beyond[start : start + block]
-            quick[part] = np.minimum(quick[part], peaks * factor + rest)
-            first = int((peaks - rest).argmax())
-            lower = float(peaks[first] - rest[first])
+            quick[part] = np.minimum(quick[part], peaks * factor + beyond[part])
+            first = int((peaks - beyond[part]).argmax())
+            lower = float(peaks[first] - beyond[part[first]])
             if lower > best.lower:
                 place = np.unravel_index(int(where[first]), shape)
                 z = tuple(float(nodes(m)[k]) for m, k in zip(shape, place, strict=True))
                 best = Maximum(lower, 0.0, int(part[first]), z)
-    upper = float(quick.max(initial=0.0))
+    upper = max(float(quick.max(initial=0.0)), best.lower)
     return Maximum(best.lower * (1 - 1e-12), upper * (1 + 1e-12), best.index, best.place)
 
 
@@ -175,8 +182,8 @@ def _effective_degrees(norms: Array, allowance: float) -> tuple[int, ...]:
 
 def _sample(series: Array, shape: tuple[int, ...]) -> Array:
     """Squared norms on the tensor grid of Chebyshev zeros, shape (B, points)."""
-    values = series @ evaluation(shape[-1], series.shape[-1]).T
+    values = series.reshape(-1, series.shape[-1]) @ evaluation(shape[-1], series.shape[-1]).T
     if len(shape) == 2:
-        values = evaluation(shape[0], series.shape[2]) @ values
-    np.square(values, out=values)
-    return np.asarray(values.sum(axis=1)).reshape(len(series), -1)
+        values = evaluation(shape[0], series.shape[2]) @ values.reshape(-1, series.shape[2], shape[1])
+    values = values.reshape(*series.shape[:2], -1)
+    return np.asarray(np.einsum("bdm,bdm->bm", values, values))

@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,6 +30,7 @@ from numpy.typing import NDArray
 import gtcad
 from gtcad.converters import fit_curve
 from gtcad.model import Model
+from gtcad.restricted import RestrictedSurface
 from gtcad.protocol import SeparableCurve, SeparableSurface, Shape
 
 Array = NDArray[np.float64]
@@ -38,13 +40,18 @@ DEFAULT_COLOR = "#8fa8c8"
 INK, NET, PAPER = "#20242c", "#5b6472", "#ffffff"
 LIGHT = np.array([-0.45, 0.75, 0.65])  # right, up and towards the viewer
 FILL = np.array([0.8, 0.1, 0.5])
-CELLS, ISOLINES, STROKE = 56, 8, 96
+LAMPS = np.array([[0.35, 0.75, -0.56], [0.2, 0.97, -0.1], [0.5, 0.3, -0.8]])  # normals of the planes of long lamps
+BRIGHTNESS = np.array([0.3, 0.16, 0.1])
+CLEAR = (0.0, 0.0, 0.0, 0.0)
+FACETS, ISOLINES, STROKE = 40_000, 8, 96
+LIFT, DOT = 0.005, 0.0009  # of the distance: strokes lie above the facets; size of a control point
+CIRCLE = np.array([[np.cos(a), np.sin(a)] for a in np.linspace(0.0, 2 * np.pi, 12, endpoint=False)])
 VIEWS = {  # azimuth and elevation of the eye in degrees
-    "bonnet": (38.0, 24.0),
+    "bonnet": (42.0, 26.0),
     "handle": (-62.0, 22.0),
     "pipe-elbow": (-128.0, 28.0),
     "saddle-roof": (-52.0, 20.0),
-    "visor": (28.0, 18.0),
+    "visor": (24.0, 16.0),
 }
 
 
@@ -83,8 +90,8 @@ class Scene:
     edges: list[tuple[float, ...]] = field(default_factory=list)
     widths: list[float] = field(default_factory=list)
 
-    def add_surface(self, surface: SeparableSurface, color: str) -> None:
-        t = np.linspace(0.0, 1.0, CELLS + 1)
+    def add_surface(self, surface: SeparableSurface, color: str, cells: int) -> None:
+        t = np.linspace(0.0, 1.0, cells + 1)
         grid = surface.evaluate(t[:, None], t[None, :])
         corners = np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]], axis=2).reshape(-1, 4, 3)
         places, depths = self.camera.project(corners)
@@ -95,19 +102,22 @@ class Scene:
             border = k in (0, ISOLINES)
             s = np.linspace(0.0, 1.0, STROKE + 1)
             for line in (surface.evaluate(x, s), surface.evaluate(s, x)):
-                self.add_stroke(line, INK, 1.1 if border else 0.45, opacity=0.9 if border else 0.4)
+                self.add_stroke(line, INK, *((1.1, 0.9) if border else (0.45, 0.35)))
 
-    def add_stroke(self, points: Array, color: str, width: float, *, opacity: float = 1.0, lift: float = 0.004) -> None:
+    def add_stroke(self, points: Array, color: str, width: float, opacity: float = 1.0, lift: float = LIFT) -> None:
         places, depths = self.camera.project(points)
         depths = depths + lift * self.camera.distance
         for k in range(len(points) - 1):
-            self._add(places[k : k + 2], depths[k : k + 2].mean(), (0, 0, 0, 0), (*to_rgb(color), opacity), width)
+            self._add(places[k : k + 2], depths[k : k + 2].mean(), CLEAR, (*to_rgb(color), opacity), width)
 
-    def add_net(self, points: Array) -> None:
-        rows = [*points, *points.swapaxes(0, 1)] if points.ndim == 3 else [points]
-        for row in rows:
-            for start, end in zip(row[:-1], row[1:], strict=True):
-                self.add_stroke(start + np.linspace(0, 1, 25)[:, None] * (end - start), NET, 0.6, opacity=0.8)
+    def add_net(self, points: Array, opacity: float) -> None:
+        for row in [*points, *points.swapaxes(0, 1)]:
+            for start, end in itertools.pairwise(row):
+                self.add_stroke(start + np.linspace(0, 1, 25)[:, None] * (end - start), NET, 0.6, opacity)
+        ink = (*to_rgb(NET), opacity)
+        places, depths = self.camera.project(points.reshape(-1, 3))
+        for place, depth in zip(places, depths, strict=True):
+            self._add(place + DOT * self.camera.distance * CIRCLE, depth + LIFT * self.camera.distance, ink, ink, 0)
 
     def draw(self, axes: Axes) -> None:
         order = np.argsort(self.depths, kind="stable")
@@ -135,9 +145,9 @@ class Scene:
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
         normals *= np.where(normals[:, 2:] < 0, -1.0, 1.0)
         key, fill = (np.clip(normals @ (light / np.linalg.norm(light)), 0, 1)[:, None] for light in (LIGHT, FILL))
-        half = LIGHT / np.linalg.norm(LIGHT) + [0.0, 0.0, 1.0]
-        gloss = np.clip(normals @ (half / np.linalg.norm(half)), 0, 1)[:, None] ** 40
-        return np.asarray(np.clip(color * (0.32 + 0.62 * key + 0.16 * fill) + 0.28 * gloss, 0, 1))
+        mirrored = 2 * normals[:, 2:] * normals - [0.0, 0.0, 1.0]
+        lamps = np.exp(-((mirrored @ LAMPS.T / 0.1) ** 2)) * np.clip(mirrored[:, 2:] + 0.6, 0, 1)
+        return np.asarray(np.clip(color * (0.36 + 0.56 * key + 0.2 * fill) + (lamps @ BRIGHTNESS)[:, None], 0, 1))
 
 
 def net_of(shape: Shape) -> Array:
@@ -161,20 +171,18 @@ def draw_space(axes: Axes, model: Model, view: tuple[float, float], *, net: bool
     camera = Camera.around(np.concatenate([samples_of(shape) for shape in shapes.values()]), *view)
     scene = Scene(camera)
     seen = [camera.project(samples_of(shape))[0] for shape in shapes.values()]
-    dots: list[Array] = []
+    cells = int(np.sqrt(FACETS / max(1, len(shapes))))
     for name, shape in shapes.items():
         color = model.colors.get(name, DEFAULT_COLOR)
         if isinstance(shape, SeparableSurface):
-            scene.add_surface(shape, color)
+            scene.add_surface(shape, color, cells)
         else:
             scene.add_stroke(shape.evaluate(np.linspace(0.0, 1.0, 4 * STROKE + 1)), color, 3.0, lift=0.008)
         if net and isinstance(shape, SeparableSurface):
-            scene.add_net(net_of(shape))
-            dots.append(camera.project(net_of(shape))[0].reshape(-1, 2))
+            scene.add_net(net_of(shape), 0.3 if isinstance(shape, RestrictedSurface) else 0.8)
+            seen.append(camera.project(net_of(shape))[0].reshape(-1, 2))
     scene.draw(axes)
-    if dots:
-        axes.plot(*np.concatenate(dots).T, ".", color=NET, markersize=2.6, zorder=3)
-    frame(axes, np.concatenate(seen + dots))
+    frame(axes, np.concatenate(seen))
 
 
 def draw_plane(axes: Axes, model: Model) -> None:
@@ -245,7 +253,7 @@ def render_model(path: Path, output: Path) -> Path:
 
 def saved(figure: Figure, path: Path) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=130, facecolor=PAPER, metadata={"Software": None})
+    figure.savefig(path, dpi=130, facecolor=PAPER, bbox_inches="tight", pad_inches=0.15, metadata={"Software": None})
     plt.close(figure)
     return path
 

@@ -48,9 +48,7 @@ def exact_series(degree: int, gamma: tuple[float, float], middle: float, half_wi
     for _ in range(degree - 2):
         padded = [np.zeros(1), *rows, np.zeros(1)]
         rows = [
-            chebyshev.chebadd(
-                padded[i + 1], chebyshev.chebmul(t, chebyshev.chebsub(padded[i], padded[i + 1]))
-            )
+            chebyshev.chebadd(padded[i + 1], chebyshev.chebmul(t, chebyshev.chebsub(padded[i], padded[i + 1])))
             for i in range(len(rows) + 1)
         ]
     longest = max(len(row) for row in rows)
@@ -117,7 +115,7 @@ def test_sine_tail_at_its_limits() -> None:
     assert sine_tail(0.0, 3) == 0
     assert sine_tail(math.pi, -1) == math.inf
     assert sine_tail(100.0, 3) == math.inf
-    assert UNIT_ROUNDOFF == np.finfo(float).eps / 2
+    assert np.finfo(float).eps / 2 == UNIT_ROUNDOFF
 
 
 # The interpolant of a basis on a span
@@ -211,7 +209,9 @@ def test_tail_at_degree_two_is_near_the_truth(half_width: float, extra: int) -> 
     basis = Basis(2, (0.4, -0.7))
     places = np.linspace(-0.99, 0.99, 23).tolist()
     true = interpolation_error(basis, half_width, half_width, 2 + extra, places, rounded=False)
-    assert basis.interpolation_tail(half_width, 2 + extra) <= 200 * true  # nodes of one parity may do better by half a term
+    assert (
+        basis.interpolation_tail(half_width, 2 + extra) <= 200 * true
+    )  # nodes of one parity may do better by half a term
 
 
 def test_terms_that_the_documentation_promises() -> None:
