@@ -126,9 +126,7 @@ def fit_curve(
 
     def proof(one: Approximation) -> _Proved[BSplineCurve] | None:
         spline = _curve_spline(one, curve)
-        return attempt.prove(
-            spline, lambda **how: certify_curve(curve, spline, **how), one
-        )
+        return attempt.prove(spline, lambda **how: certify_curve(curve, spline, **how), one)
 
     proved = fewest(side, tolerance, proof, adapt=adapt)
     if proved is None:
@@ -173,9 +171,7 @@ def fit_surface(
 
     def proof(a: Approximation, b: Approximation) -> _Proved[BSplineSurface] | None:
         spline = _surface_spline(a, b, surface)
-        return attempt.prove(
-            spline, lambda **how: certify_surface(surface, spline, **how), a, b
-        )
+        return attempt.prove(spline, lambda **how: certify_surface(surface, spline, **how), a, b)
 
     proved = fewest_pair(u, v, tolerance, proof, surface.coefficients, adapt=adapt)
     if proved is None:
@@ -204,7 +200,9 @@ class _Attempt:
         certificate = certify(rtol=_COARSE, resolution=_TAIL * self.tolerance, limit=self.tolerance)
         if certificate.lower <= self.tolerance < certificate.upper:
             certificate = certify(rtol=_FINE)
-        elif self.tolerance >= certificate.upper > _LOOSE * certificate.lower:  # the spline is far better than asked for
+        elif (
+            self.tolerance >= certificate.upper > _LOOSE * certificate.lower
+        ):  # the spline is far better than asked for
             certificate = certify(rtol=_COARSE)
         if certificate.upper < self.least:
             self.least = certificate.upper
@@ -273,7 +271,11 @@ class _Options:
 
     def side(self, bundle: Bundle) -> Side:
         polynomial = None if self.exact is False else polynomial_form(bundle.factors)
-        return Side(bundle, self.degrees, self.continuity, self.end_order, self.max_spans, polynomial)
+        side = Side(bundle, self.degrees, self.continuity, self.end_order, self.max_spans, polynomial)
+        if side.most < side.least:
+            room = f"{side.most} poles at most, and end_order {self.end_order} takes {side.least}"
+            raise InputError(f"max_spans = {self.max_spans} and degree up to {max(self.degrees)} give {room}")
+        return side
 
 
 def precision_floor(factors: tuple[Factors, ...]) -> float:

@@ -20,6 +20,7 @@ from gtcad.converters.spline_basis import Knots
 
 Array = NDArray[np.float64]
 Proved = TypeVar("Proved")
+Found = TypeVar("Found")
 Proof = Callable[[Approximation], Proved | None]
 PairProof = Callable[[Approximation, Approximation], Proved | None]
 
@@ -28,7 +29,7 @@ _DEGREES_TRIED = 2
 
 
 class Side:
-    """Approximations of one direction by their number of poles.
+    """Approximations of one direction by the number of poles they may have.
 
     Parameters
     ----------
@@ -73,16 +74,16 @@ class Side:
         return max(self._poles(degree, self.max_spans) for degree in self.degrees)
 
     def kind(self, poles: int) -> Approximation | None:
-        """The best cached approximation with just so many poles, with its error for this bundle."""
+        """The best cached approximation with at most so many poles, with its error for this bundle."""
         if poles not in self._kind:
             found = list(self._kinds(poles))
-            if self.polynomial is not None and self.polynomial.knots.poles == poles:
+            if self.polynomial is not None and self.polynomial.knots.poles <= poles:
                 found.append(self.polynomial)
             self._kind[poles] = min(found, key=lambda one: (one.error, one.knots.degree), default=None)
         return self._kind[poles]
 
     def adapted(self, poles: int, goal: float) -> Approximation | None:
-        """The best approximation with so many poles and knots of its own; any that reaches the goal will do."""
+        """The best with at most so many poles and knots of its own; any that reaches the goal will do."""
         if poles not in self._adapted:
             self._adapted[poles] = self._adapt(poles, goal)
         return self._adapted[poles]
@@ -96,10 +97,9 @@ class Side:
         return min((one for one in (quick, own) if one is not None), key=lambda one: one.error)
 
     def best_of(self, spans: int) -> Approximation:
-        """The best cached approximation with at most that many spans, for want of one that is good enough."""
-        most = max(self._poles(degree, spans) for degree in self.degrees)
-        found = (self.kind(poles) for poles in (most, *range(most, self.least - 1, -1)))
-        return min((one for one in found if one is not None), key=lambda one: one.error)
+        """The best cached approximation with that many spans, for want of one that is good enough."""
+        found = (of_kind(self.bundle.factors, *self._way(degree), spans) for degree in self.degrees)
+        return min((self._measured(one) for one in found if one is not None), key=lambda one: one.error)
 
     def _adapt(self, poles: int, goal: float) -> Approximation | None:
         best = self.kind(poles)
@@ -116,14 +116,16 @@ class Side:
 
     def _kinds(self, poles: int) -> Iterator[Approximation]:
         for degree in self.degrees:
-            multiplicity = self._multiplicity(degree)
-            inner, rest = divmod(poles - degree - 1, multiplicity)
-            if rest or inner < 0 or inner >= self.max_spans:
-                continue
-            continuity = degree - multiplicity
-            one = of_kind(self.bundle.factors, degree, continuity, self.end_order, inner + 1)
+            spans = min((poles - degree - 1) // self._multiplicity(degree) + 1, self.max_spans)
+            one = of_kind(self.bundle.factors, *self._way(degree), spans) if spans > 0 else None
             if one is not None:
-                yield replace(one, error=float(self.bundle.norms(one.residual).max()))
+                yield self._measured(one)
+
+    def _way(self, degree: int) -> tuple[int, int, int]:
+        return degree, degree - self._multiplicity(degree), self.end_order
+
+    def _measured(self, one: Approximation) -> Approximation:
+        return replace(one, error=float(self.bundle.norms(one.residual).max()))
 
     def _multiplicity(self, degree: int) -> int:
         return 1 if self.continuity is None else degree - self.continuity
@@ -159,7 +161,7 @@ def fewest(side: Side, goal: float, proof: Proof[Proved], *, adapt: bool) -> Pro
         else:
             found, passed = better, poles
         poles += _step(one, goal) or (1 if better is None else -1)
-    return _lower_degree(side, found, goal, proof)[1]
+    return _lower_degree(side, found[0], goal, lambda one: _passing(one, goal, proof), found)[1]
 
 
 def _passing(one: Approximation | None, goal: float, proof: Proof[Proved]) -> tuple[Approximation, Proved] | None:
@@ -209,13 +211,13 @@ def _first_within(side: Side, goal: float) -> int | None:
 
 
 def _lower_degree(
-    side: Side, found: tuple[Approximation, Proved], goal: float, proof: Proof[Proved]
-) -> tuple[Approximation, Proved]:
-    """The lowest degree that does with as many poles."""
+    side: Side, one: Approximation, goal: float, passing: Callable[[Approximation | None], Found | None], found: Found
+) -> Found:
+    """What passes with the lowest degree and as many poles as the one found."""
     for degree in sorted(side.degrees):
-        if degree >= found[0].knots.degree:
+        if degree >= one.knots.degree:
             break
-        lower = _passing(side.of_degree(found[0].knots.poles, degree, goal), goal, proof)
+        lower = passing(side.of_degree(one.knots.poles, degree, goal))
         if lower is not None:
             return lower
     return found
@@ -240,17 +242,10 @@ def fewest_pair(
         return None if found is None else found[1]
     (a, b), _ = found
     found = _search_pair(u, v, goal, own, passing, a.knots.poles * b.knots.poles) or found
-    for direction, side in enumerate((u, v)):
-        pair = found[0]
-        for degree in sorted(side.degrees):
-            if degree >= pair[direction].knots.degree:
-                break
-            one = side.of_degree(pair[direction].knots.poles, degree, 0.5 * goal)
-            lower = passing(one, pair[1]) if direction == 0 else passing(pair[0], one)
-            if lower is not None:
-                found = lower
-                break
-    return found[1]
+    (a, b), _ = found
+    found = _lower_degree(u, a, 0.5 * goal, lambda one: passing(one, b), found)
+    (a, b), _ = found
+    return _lower_degree(v, b, 0.5 * goal, lambda one: passing(a, one), found)[1]
 
 
 _Pair = tuple[Approximation, Approximation]

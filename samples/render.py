@@ -40,8 +40,8 @@ DEFAULT_COLOR = "#8fa8c8"
 INK, NET, PAPER = "#20242c", "#5b6472", "#ffffff"
 LIGHT = np.array([-0.45, 0.75, 0.65])  # right, up and towards the viewer
 FILL = np.array([0.8, 0.1, 0.5])
-LAMPS = np.array([[0.35, 0.75, -0.56], [0.2, 0.97, -0.1], [0.5, 0.3, -0.8]])  # normals of the planes of long lamps
-BRIGHTNESS = np.array([0.3, 0.16, 0.1])
+LAMPS = np.array([[0.35, 0.75, -0.56], [0.2, 0.97, -0.1], [0.86, 0.31, 0.4]])  # normals of the planes of long lamps
+BRIGHTNESS = np.array([0.3, 0.14, 0.08])
 CLEAR = (0.0, 0.0, 0.0, 0.0)
 FACETS, ISOLINES, STROKE = 40_000, 8, 96
 LIFT, DOT = 0.005, 0.0009  # of the distance: strokes lie above the facets; size of a control point
@@ -51,7 +51,7 @@ VIEWS = {  # azimuth and elevation of the eye in degrees
     "handle": (-62.0, 22.0),
     "pipe-elbow": (-128.0, 28.0),
     "saddle-roof": (-52.0, 20.0),
-    "visor": (24.0, 16.0),
+    "visor": (14.0, 20.0),
 }
 
 
@@ -113,7 +113,7 @@ class Scene:
     def add_net(self, points: Array, opacity: float) -> None:
         for row in [*points, *points.swapaxes(0, 1)]:
             for start, end in itertools.pairwise(row):
-                self.add_stroke(start + np.linspace(0, 1, 25)[:, None] * (end - start), NET, 0.6, opacity)
+                self.add_stroke(start + np.linspace(0, 1, 25)[:, None] * (end - start), NET, 0.6, opacity, LIFT / 4)
         ink = (*to_rgb(NET), opacity)
         places, depths = self.camera.project(points.reshape(-1, 3))
         for place, depth in zip(places, depths, strict=True):
@@ -146,7 +146,7 @@ class Scene:
         normals *= np.where(normals[:, 2:] < 0, -1.0, 1.0)
         key, fill = (np.clip(normals @ (light / np.linalg.norm(light)), 0, 1)[:, None] for light in (LIGHT, FILL))
         mirrored = 2 * normals[:, 2:] * normals - [0.0, 0.0, 1.0]
-        lamps = np.exp(-((mirrored @ LAMPS.T / 0.1) ** 2)) * np.clip(mirrored[:, 2:] + 0.6, 0, 1)
+        lamps = np.exp(-((mirrored @ LAMPS.T / 0.13) ** 2)) * np.clip(mirrored[:, 2:] + 0.6, 0, 1)
         return np.asarray(np.clip(color * (0.36 + 0.56 * key + 0.2 * fill) + (lamps @ BRIGHTNESS)[:, None], 0, 1))
 
 
@@ -161,7 +161,7 @@ def in_space(shape: Shape) -> Shape:
 
 
 def samples_of(shape: Shape) -> Array:
-    t = np.linspace(0.0, 1.0, 41)
+    t = np.linspace(0.0, 1.0, 101)
     points = shape.evaluate(t) if isinstance(shape, SeparableCurve) else shape.evaluate(t[:, None], t[None, :])
     return points.reshape(-1, points.shape[-1])
 
@@ -230,7 +230,7 @@ def is_plane(model: Model) -> bool:
 
 def title_of(name: str, model: Model) -> str:
     points = np.concatenate([samples_of(shape) for shape in model.values()])
-    sides = " x ".join(f"{side:.4g}" for side in points.max(axis=0) - points.min(axis=0))
+    sides = " x ".join(f"{side:.3g}" for side in points.max(axis=0) - points.min(axis=0))
     curves = sum(isinstance(shape, SeparableCurve) for shape in model.values())
     counts = [f"{count} {kind}{'s' * (count > 1)}" for count, kind in ((len(model) - curves, "surface"), (curves, "curve")) if count]
     return f"{name.replace('-', ' ')}: {' and '.join(counts)}, {sides} {model.unit}"

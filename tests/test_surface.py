@@ -223,6 +223,6 @@ def test_refuses_unknown_sides_and_directions() -> None:
 
 def test_reference_pieces_can_be_made() -> None:
     pieces = json.loads((Path(__file__).parent / "data" / "pieces.json").read_text())
-    for piece in pieces["patches"]:
+    for piece in pieces["surfaces"]:
         surface = Surface(piece["control_points"], piece["gamma_u"], piece["gamma_v"])
         assert np.array_equal(surface.evaluate(0, 1), surface.control_points[0, -1])
