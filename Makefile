@@ -7,6 +7,8 @@ VENV := .venv
 VENV8 := .venv-occt8
 BIN := $(VENV)/bin
 BIN8 := $(VENV8)/bin
+# one thread of linear algebra for each test process: two pools on two cores only get in each other's way
+export OPENBLAS_NUM_THREADS := 1
 # pip asks for its own newest version at each call and would rather cache than not: keep both quiet
 PIP_FLAGS := --disable-pip-version-check --quiet
 

@@ -131,7 +131,7 @@ class Problem:
             scale = np.sqrt(weights)[:, None]
             design, rest = design * scale, rest * scale
         q, r = np.linalg.qr(design)
-        matrix[self.inner] = scipy.linalg.solve_triangular(r, q.T @ rest, check_finite=False)
+        matrix[self.inner] = np.linalg.solve(r, q.T @ rest)
         return matrix
 
     @cached_property
@@ -160,8 +160,8 @@ def _end_poles(factors: Factors, knots: Knots, end_order: int) -> tuple[Array, A
     ends = np.array([0.0, 1.0])
     wanted = np.stack([factors.rows(ends, k) for k in range(end_order + 1)])  # (order, count, end)
     start, end = end_derivatives(knots, end_order)
-    first = scipy.linalg.solve_triangular(start, wanted[:, :, 0], lower=True)
-    last = scipy.linalg.solve_triangular(end, wanted[:, :, 1], lower=True)
+    first = np.linalg.solve(start, wanted[:, :, 0])
+    last = np.linalg.solve(end, wanted[:, :, 1])
     return first, last[::-1]
 
 
@@ -312,7 +312,7 @@ class _KnotSearch:
         scale = np.sqrt(weights)[:, None]
         basis, triangle = np.linalg.qr(design[:, fixed:-fixed] * scale)
         right = basis.T @ ((self.target - design @ poles) * scale)
-        poles[fixed:-fixed] = scipy.linalg.solve_triangular(triangle, right, check_finite=False)
+        poles[fixed:-fixed] = np.linalg.solve(triangle, right)
         return _Trial(breaks, flat, poles, self.target - design @ poles, basis)
 
     def _jacobian(self, trial: _Trial, scale: Array) -> Array:

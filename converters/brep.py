@@ -3,12 +3,29 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
+from itertools import pairwise
 
 from gtcad._files import written_whole
 from gtcad.converters.occt import exchange
 from gtcad.converters.part import Part
 from gtcad.errors import FileError
+
+
+_TABLES = (
+    b"Locations",
+    b"Curve2ds",
+    b"Curves",
+    b"Polygon3D",
+    b"PolygonOnTriangulations",
+    b"Surfaces",
+    b"Triangulations",
+    b"TShapes",
+)
+_HEADING = re.compile(rb"^([A-Z][A-Za-z0-9]+) (\d+)\s*$", re.MULTILINE)
+_NUMBERS = re.compile(rb"[-+0-9.eE\s]*")
+_LAST = re.compile(rb"[+-]\d+ \d+\s*")
 
 
 def write_brep(path: str | os.PathLike[str], parts: Sequence[Part]) -> None:
@@ -55,6 +72,23 @@ def read_brep(path: str | os.PathLike[str]) -> list[Part]:
         When a face or edge has no exact B-spline form.
     """
     data = exchange.file_bytes(path)
-    if b"CASCADE Topology V" not in data[:1000]:
-        raise FileError(str(path), "is not a readable BREP file: it does not begin with CASCADE Topology")
+    reason = _complaint(data)
+    if reason:
+        raise FileError(str(path), f"is not a readable BREP file: {reason}")
     return exchange.parts_of(str(path), "BREP", lambda: exchange.brep_items(data))
+
+
+def _complaint(data: bytes) -> str:
+    """What is wrong with the frame of a BREP file, empty if nothing is: the kernel hangs on files that end too early."""
+    if b"CASCADE Topology V" not in data[:1000]:
+        return "it does not begin with CASCADE Topology"
+    headings = [match for match in _HEADING.finditer(data) if match[1] in _TABLES]
+    if tuple(match[1] for match in headings) != _TABLES:
+        return "its tables are incomplete"
+    for this, following in pairwise(headings):
+        if not _NUMBERS.fullmatch(data, this.end(), following.start()):
+            return f"its table {this[1].decode()} holds something that is no number"
+    *shapes, last = data[headings[-1].end() :].split(b"*")
+    if len(shapes) != int(headings[-1][2]) or not _LAST.fullmatch(last.lstrip()):
+        return "its table TShapes is incomplete"
+    return ""

@@ -291,7 +291,8 @@ def _spline_values(u: _Direction, v: _Direction, part: slice, spline: BSplineSur
 
 def _size(coefficients: Array, poles: Array) -> float:
     """The largest norm among coefficients and poles."""
-    return float(max(np.sqrt((points**2).sum(axis=-1)).max() for points in (coefficients, poles)))
+    largest = max(np.sqrt((points**2).sum(axis=-1)).max() for points in (coefficients, poles))
+    return float(max(largest, np.finfo(float).tiny))
 
 
 def _check_dimension(shape: int, spline: int) -> None:

@@ -210,7 +210,12 @@ def export(
     failures = [fitted for fitted in fits if fitted.fit is None]
     if not failures:
         parts = jobs.parts_of(fits, content.colors)
-        jobs.write_parts(output, form, parts, tolerance=settings["tolerance"], schema=chosen, timestamp=moment)
+        try:
+            jobs.write_parts(output, form, parts, tolerance=settings["tolerance"], schema=chosen, timestamp=moment)
+        except (
+            errors.InputError
+        ) as error:  # a shape that is fine for us, but too small or too degenerate for the kernel
+            raise errors.ModelError(model, [str(error)]) from error
     rows = [fitted.as_data() for fitted in fits]
     if as_json:
         _print_json(model=model, output=output, written=not failures, tolerance=settings["tolerance"], shapes=rows)

@@ -1,10 +1,11 @@
 """Length, area, volume and energies of any curve or surface that can be differentiated, with an estimate of the error.
 
 Integrals are had by adaptive Gauss-Legendre quadrature: every piece of the domain with rules of 16 and 20 nodes in
-each direction, pieces where they differ too much halved again. The error is the sum of the differences, plus rounding:
-an estimate from comparison, not a bound, though usually far above the true error because the value is the finer
-rule's. The wanted accuracy ``rtol`` is relative to the integral of the integrand's magnitude; the work is bounded, and
-an error above it says that the bound was met first. Nodes never lie on an end of the domain.
+each direction, pieces where they differ too much halved again. The error is the sum of the differences, plus the
+rounding of the sum: an estimate from comparison, not a bound, though usually far above the true error because the
+value is the finer rule's. Digits that derivatives lose on shapes far from the origin are not in it. The wanted accuracy
+``rtol`` is relative to the integral of the integrand's magnitude; the work is bounded, and an error above it says that
+this bound was met first. Nodes never lie on an end of the domain.
 
 References
 ----------

@@ -200,6 +200,13 @@ GROUPS: dict[str, list[Case]] = {
         wrong_option("two models", "info", "model.json", "model.json", names="model.json"),
     ],
     "What cannot be done": [
+        Case("a curve that is one point", EXPORT, 3, model(CURVE | {"control_points": [[1, 1]] * 3})),
+        Case(
+            "a surface that is only a curve",
+            EXPORT,
+            3,
+            model(SURFACE | {"control_points": [[[i, i * i, 0]] * 3 for i in range(3)]}),
+        ),
         Case("a tolerance below double precision", [*EXPORT[:-1], "1e-18"], 1, model(SURFACE)),
         Case(
             "a tolerance below double precision for one shape of two",

@@ -24,6 +24,7 @@ from gtcad.chebyshev import (
 from tests import reference
 
 HALF_PI = math.pi / 2
+EFFORT = settings.default.max_examples // 50  # 1, or 40 under stress
 
 
 def jacobi_anger(frequency: float, phase: float, middle: float, half_width: float, count: int) -> np.ndarray:
@@ -167,7 +168,7 @@ def interpolation_error(
         return float(largest)
 
 
-@settings(max_examples=12, phases=[Phase.explicit, Phase.generate])
+@settings(max_examples=12 * EFFORT, phases=[Phase.explicit, Phase.generate])
 @example(60, (1.0, -1.0), (0.5, 0.5), 6, 0.123)
 @example(60, (0.3, 1.0), (0.99, 0.01), 4, 0.5)
 @given(st.integers(2, 60), gammas, spans(), st.integers(4, 20), st.floats(-1, 1))
@@ -181,7 +182,7 @@ def test_tail_and_rounding_bound_the_error(
     assert interpolation_error(basis, *span, count, [-1.0, place], rounded=True) <= tail + basis.rounding
 
 
-@settings(max_examples=10, phases=[Phase.explicit, Phase.generate])
+@settings(max_examples=10 * EFFORT, phases=[Phase.explicit, Phase.generate])
 @given(st.integers(1, 60), spans(), st.integers(1, 5), st.floats(-1, 1))
 def test_the_bernstein_family_has_no_tail(degree: int, span: tuple[float, float], extra: int, place: float) -> None:
     basis = Basis(degree, family=BERNSTEIN)
@@ -267,6 +268,16 @@ def assert_holds(coefficients: np.ndarray, samples: np.ndarray, rtol: float) -> 
     assert dense * (1 - 1e-12) <= found.upper
     assert found.lower <= found.upper <= (1 + rtol) * found.lower * (1 + 1e-11)
     return found
+
+
+@pytest.mark.stress
+def test_maximum_of_very_many_series() -> None:
+    random = np.random.default_rng(19)
+    samples = np.cos(np.linspace(0, math.pi, 301))
+    for _ in range(30_000):
+        assert_holds(random_series(random, 1), samples, 0.01)
+    for _ in range(10_000):
+        assert_holds(random_series(random, 2), samples[::4], 0.01)
 
 
 def test_maximum_of_series_in_one_variable() -> None:

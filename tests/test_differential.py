@@ -289,6 +289,16 @@ def test_degree_two_with_vanishing_end_derivative(gamma: tuple[float, float], en
         assert abs(function(curve, near) - function(curve, end)).max() <= 0.1 * float(curvature(curve, end))
 
 
+@pytest.mark.parametrize("t", [0.3, 0.1, 0.03, 0.01])
+def test_digits_lost_near_a_singular_end(t: float) -> None:
+    points = np.array([[0.0, 0.0], [1.0, 2.0], [3.0, -1.0]])
+    curve, parabola = Curve(points, (-1, 1)), Curve(points, family=BERNSTEIN)
+    w = 2 * math.sin(math.pi / 4 * t) ** 2
+    ratio = max(np.linalg.norm(curve.derivative(T), axis=-1)) / np.linalg.norm(curve.derivative(t))
+    assert float(curvature(curve, t)) == pytest.approx(float(curvature(parabola, w)), rel=1e-15 * ratio**2)
+    assert float(curvature_rate(curve, t)) == pytest.approx(float(curvature_rate(parabola, w)), rel=1e-15 * ratio**4)
+
+
 @pytest.mark.parametrize("degree", [3, 4, 7, 20])
 def test_equal_first_control_points(degree: int) -> None:
     points = np.random.default_rng(degree).standard_normal((degree + 1, 3))

@@ -45,6 +45,8 @@ _TopoDS = kernel_module("TopoDS")
 
 Schema = Literal["AP242", "AP214", "AP203"]
 SCHEMAS = {"AP242": "AP242DIS", "AP214": "AP214IS", "AP203": "AP203"}
+_FACES = ("StepShape_AdvancedFace", "StepShape_FaceSurface")
+_BESIDES = ("StepDimTol_", "StepAP", "StepKinematics_")  # packages of entities that are not looked at
 _REAL_FORMAT = "%.16E"  # 17 digits: every double comes back bit for bit
 
 
@@ -260,11 +262,14 @@ def step_items(data: bytes) -> list[Item]:
     """
     with session("reading STEP", READING_STEP):
         reader, document = _STEPCAFControl.STEPCAFControl_Reader(), Document()
+        for mode in ("GDT", "Layer", "Mat", "Meta", "Props", "SHUO", "View"):
+            getattr(reader, f"Set{mode}Mode")(False)
         if reader.ReadStream("gtcad", io.BytesIO(data)) != _IFSelect.IFSelect_RetDone:
             raise Unreadable("its syntax is wrong")
         _check_model(reader.Reader().WS())
         if not reader.Transfer(document.data):
             raise Unreadable("the kernel finds no shape in it")
+        _check_faces(reader.Reader().WS())
         return list(document.items())
 
 
@@ -288,15 +293,24 @@ def iges_items(path: str) -> list[Item]:
 
 
 def _check_model(work_session: Any) -> None:
-    """Refuse entities with parameters that the kernel could not read: it would leave them out, or die of them."""
-    checks = work_session.ModelCheckList(False)
+    """Refuse shapes with parameters that the kernel could not read: it would leave them out, or die of them."""
+    model, checks = work_session.Model(), work_session.ModelCheckList(False)
     checks.Start()
     while checks.More():
-        check = checks.Value()
-        if check.HasFailed():
-            label = work_session.Model().StringLabel(check.Entity()).ToCString() if check.HasEntity() else "file"
-            raise Unreadable(f"{label}: {check.CFail(1)}")
+        check, number = checks.Value(), checks.Number()
+        kind = type(model.Entity(number)).__name__ if number else "file"
+        if check.HasFailed() and not kind.startswith(_BESIDES):
+            raise Unreadable(f"entity {number} ({kind.partition('_')[2]}): {check.CFail(1)}")
         checks.Next()
+
+
+def _check_faces(work_session: Any) -> None:
+    """Refuse a STEP file with faces that the kernel did not turn into shapes."""
+    model, process = work_session.Model(), work_session.TransferReader().TransientProcess()
+    total = sum(type(entity).__name__ in _FACES for entity in _entities(model, 0))
+    found = sum(type(process.Mapped(i)).__name__ in _FACES for i in range(1, process.NbMapped() + 1))
+    if found < total:
+        raise Unreadable(f"{total - found} of its {total} faces belong to no product")
 
 
 def brep_items(data: bytes) -> list[Item]:

@@ -1,0 +1,256 @@
+from __future__ import annotations
+
+import ast
+import fnmatch
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+
+# Each module may import at run time from those above it. The list of docs' architecture, with chebyshev before basis,
+# which takes its bounds from there, exact and certificate before fit, which proves with them, and the helpers where
+# they serve.
+ORDER = [
+    "gtcad._lazy",
+    "gtcad.errors",
+    "gtcad._files",
+    "gtcad.chebyshev",
+    "gtcad.basis",
+    "gtcad.protocol",
+    "gtcad.factors",
+    "gtcad.curve",
+    "gtcad.surface",
+    "gtcad.restricted",
+    "gtcad._jets",
+    "gtcad.differential",
+    "gtcad.measure",
+    "gtcad.continuity",
+    "gtcad.conics",
+    "gtcad.composite",
+    "gtcad.quilt",
+    "gtcad.patches.*",
+    "gtcad.optimize",
+    "gtcad._documents",
+    "gtcad._checks",
+    "gtcad._kinds",
+    "gtcad.model",
+    "gtcad.converters.bspline",
+    "gtcad.converters.part",
+    "gtcad.converters.spline_basis",
+    "gtcad.converters.approximation",
+    "gtcad.converters.exact",
+    "gtcad.converters.certificate",
+    "gtcad.converters.search",
+    "gtcad.converters.fit",
+    "gtcad.converters.nearest",
+    "gtcad.converters.occt.compat",
+    "gtcad.converters.occt.geometry",
+    "gtcad.converters.occt.topology",
+    "gtcad.converters.occt.session",
+    "gtcad.converters.occt.document",
+    "gtcad.converters.occt.exchange",
+    "gtcad.converters.solid",
+    "gtcad.converters.step",
+    "gtcad.converters.iges",
+    "gtcad.converters.brep",
+    "gtcad.converters.mesh",
+    "gtcad.converters.flat",
+    "gtcad.converters.build123d",
+    "gtcad.converters.cadquery",
+    "gtcad.converters.doctor",
+    "gtcad.converters.check",
+    "gtcad.converters.jobs",
+    "gtcad.converters.report",
+    "gtcad.converters.batch",
+    "gtcad._options",
+    "gtcad._tables",
+    "gtcad.cli",
+    "gtcad.__main__",
+]
+WITHOUT_KERNEL = ("bspline", "fit", "certificate", "exact")
+KERNELS = ("OCP", "build123d", "cadquery", "cadquery_ocp", "ocpsvg", "ocp_vscode")
+
+
+@cache
+def modules() -> dict[str, Path]:
+    """Files by the name they are imported as; packages' own files under the package's name."""
+    found = {}
+    for package, folder in (("gtcad", ROOT / "gtcad"), ("gtcad.converters", ROOT / "converters")):
+        for path in sorted(folder.rglob("*.py")):
+            parts = path.relative_to(folder).with_suffix("").parts
+            if "converters" in parts[:1]:
+                continue  # the symbolic link
+            name = ".".join((package, *parts))
+            found[name.removesuffix(".__init__")] = path
+    return found
+
+
+def is_package(name: str) -> bool:
+    return modules()[name].name == "__init__.py"
+
+
+def run_time_nodes(tree: ast.AST) -> Iterator[ast.AST]:
+    """All nodes but those under ``if TYPE_CHECKING``."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            for other in node.orelse:
+                yield other
+                yield from run_time_nodes(other)
+            continue
+        yield node
+        yield from run_time_nodes(node)
+
+
+@cache
+def imported(name: str) -> frozenset[str]:
+    """Absolute names that a module imports at run time, in functions too; ``from x import y`` gives x.y or x."""
+    found = set()
+    for node in run_time_nodes(ast.parse(modules()[name].read_text(), str(modules()[name]))):
+        if isinstance(node, ast.Import):
+            found.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{name}: relative import, line {node.lineno}"
+            found.update(origin(node.module or "", alias.name) for alias in node.names)
+        elif isinstance(node, ast.Call) and ast.unparse(node.func) in ("importlib.import_module", "import_module"):
+            found.update(a.value for a in node.args if isinstance(a, ast.Constant) and isinstance(a.value, str))
+    return frozenset(found)
+
+
+def origin(module: str, name: str) -> str:
+    """Where a name imported from a module comes from: a submodule, or the module itself."""
+    return f"{module}.{name}" if f"{module}.{name}" in modules() else module
+
+
+def own(names: frozenset[str]) -> set[str]:
+    """Those of this project but the packages, whose own files resolve names lazily."""
+    return {name for name in names if name.split(".")[0] == "gtcad" and not is_package(name)}
+
+
+def place(name: str) -> int:
+    found = [index for index, pattern in enumerate(ORDER) if fnmatch.fnmatchcase(name, pattern)]
+    assert found, f"{name} has no place in ORDER: add it where it belongs"
+    return found[0]
+
+
+def closure(name: str) -> set[str]:
+    """All that a module imports, and what these import."""
+    reached, left = set(), [name]
+    while left:
+        for other in imported(left.pop()) - reached:
+            reached.add(other)
+            if other in modules():
+                left.append(other)
+    return reached
+
+
+def test_every_module_has_one_place() -> None:
+    files = [name for name in modules() if not is_package(name)]
+    assert len(files) > 12
+    for name in files:
+        assert ORDER[place(name)] in (name, "gtcad.patches.*")
+    assert len(set(ORDER)) == len(ORDER)
+
+
+@pytest.mark.parametrize("name", [name for name in modules() if not is_package(name)])
+def test_imports_only_from_above(name: str) -> None:
+    others = own(imported(name)) - {name}
+    if name.startswith("gtcad.patches."):
+        others = {other for other in others if not other.startswith("gtcad.patches.")}  # one line of the list
+    assert not [other for other in others if place(other) >= place(name)]
+
+
+@pytest.mark.parametrize("name", [name for name in modules() if is_package(name)])
+def test_packages_import_nothing_but_the_helper_for_lazy_names(name: str) -> None:
+    allowed = {"gtcad._lazy"} if "patches" not in name else {"gtcad._lazy", *modules()}
+    assert own(imported(name)) <= allowed
+
+
+def test_every_import_can_be_found() -> None:
+    for name in modules():
+        wanted = {other for other in imported(name) if other.split(".")[0] == "gtcad"}
+        assert wanted <= set(modules()), f"{name} imports {wanted - set(modules())}"
+
+
+def test_the_core_never_imports_converters() -> None:
+    for name in modules():
+        if not name.startswith("gtcad.converters") and name not in ("gtcad.cli", "gtcad.__main__"):
+            assert not [other for other in imported(name) if other.startswith("gtcad.converters")], name
+
+
+def test_nothing_imports_the_command_line() -> None:
+    assert [name for name in modules() if "gtcad.cli" in imported(name)] in ([], ["gtcad.__main__"])
+
+
+def test_the_kernel_is_imported_in_one_folder() -> None:
+    for name in modules():
+        roots = {other.split(".")[0] for other in imported(name)}
+        if not name.startswith("gtcad.converters.occt"):
+            assert "OCP" not in roots, name
+        if name not in ("gtcad.converters.build123d", "gtcad.converters.cadquery"):
+            assert not roots & {"build123d", "cadquery"}, name
+
+
+@pytest.mark.parametrize("name", WITHOUT_KERNEL)
+def test_no_kernel_is_needed_to_fit_and_prove(name: str) -> None:
+    reached = closure(f"gtcad.converters.{name}")
+    assert not [other for other in reached if other.startswith("gtcad.converters.occt")]
+    assert not [other for other in reached if other.split(".")[0] in KERNELS]
+
+
+# The same, by running it
+
+
+def python(code: str, folder: Path = ROOT) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=False)
+
+
+def loaded_after(code: str) -> set[str]:
+    """Top-level modules loaded by the code and not by the interpreter itself."""
+    show = (
+        f"import sys; before = set(sys.modules); {code}; print(*{{m.split('.')[0] for m in set(sys.modules) - before}})"
+    )
+    result = python(show)
+    assert result.returncode == 0, result.stderr
+    return set(result.stdout.split())
+
+
+def outside(names: set[str]) -> set[str]:
+    return {name for name in names if name not in sys.stdlib_module_names and not name.startswith("_")} - {"gtcad"}
+
+
+def test_importing_gtcad_loads_numpy_at_most() -> None:
+    assert outside(loaded_after("import gtcad")) <= {"numpy"}
+
+
+def test_the_core_loads_numpy_only() -> None:
+    assert outside(loaded_after("import gtcad; gtcad.Curve, gtcad.Surface, gtcad.measure, gtcad.differential")) <= {
+        "numpy"
+    }
+
+
+def test_fit_and_proof_load_no_kernel() -> None:
+    loaded = loaded_after("; ".join(f"import gtcad.converters.{name}" for name in WITHOUT_KERNEL))
+    assert not loaded & set(KERNELS)
+
+
+def test_names_are_resolved_when_used() -> None:
+    import gtcad
+    import gtcad.converters
+
+    for package in (gtcad, gtcad.converters):
+        assert set(package.__all__) <= set(dir(package))
+        for name in package.__all__:
+            assert getattr(package, name) is getattr(package, name), name
+        with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+            getattr(package, "nothing")  # noqa: B009 - as a user would write it
+
+
+def test_converters_under_their_folder_name_are_refused() -> None:
+    result = python("import converters")
+    assert result.returncode == 1
+    assert result.stderr.splitlines()[-1] == "ImportError: imported as 'converters'; import it as 'gtcad.converters'"
