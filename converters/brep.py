@@ -12,7 +12,6 @@ from gtcad.converters.occt import exchange
 from gtcad.converters.part import Part
 from gtcad.errors import FileError
 
-
 _TABLES = (
     b"Locations",
     b"Curve2ds",
@@ -79,7 +78,7 @@ def read_brep(path: str | os.PathLike[str]) -> list[Part]:
 
 
 def _complaint(data: bytes) -> str:
-    """What is wrong with the frame of a BREP file, empty if nothing is: the kernel hangs on files that end too early."""
+    """What is wrong with the frame of a BREP file, empty if nothing is: the kernel hangs if the end is missing."""
     if b"CASCADE Topology V" not in data[:1000]:
         return "it does not begin with CASCADE Topology"
     headings = [match for match in _HEADING.finditer(data) if match[1] in _TABLES]

@@ -81,12 +81,12 @@ def _check_sections(path: str, data: bytes) -> None:
     sections: dict[str, list[bytes]] = {letter: [] for letter in "SGDPT"}
     order = "S"
     for number, line in enumerate(data.rstrip().splitlines(), start=1):
-        letter, count = line[72:73].decode("latin-1"), line[73:80]
+        letter = line[72:73].decode("latin-1")
         if letter not in sections or letter == "" or "SGDPT".index(letter) < "SGDPT".index(order):
             refuse(f"line {number} belongs to none of its sections")
         order = letter
         sections[letter].append(line[:72])
-        if not count.strip().isdigit() or int(count) != len(sections[letter]):
+        if _number(line[73:80]) != len(sections[letter]):
             refuse(f"line {number} is out of sequence")
     if not all(sections.values()):
         refuse("a section is missing")
@@ -101,16 +101,12 @@ def _check_sections(path: str, data: bytes) -> None:
 def _directory_complaint(directory: list[bytes], parameters: list[bytes]) -> str:
     """What is wrong between the directory, two lines for each entity, and the parameters; empty if nothing is."""
     for i in range(0, len(directory) - 1, 2):
-        fields = directory[i][8:16], directory[i + 1][24:32]
-        if not all(field.strip().isdigit() for field in fields):
-            return f"entity {i + 1} has no parameters"
-        start, count = (int(field) for field in fields)
+        start, count = _number(directory[i][8:16]), _number(directory[i + 1][24:32])
         lines = parameters[start - 1 : start - 1 + count]
-        if (
-            start < 1
-            or count < 1
-            or len(lines) != count
-            or any(line[64:72].strip() != b"%d" % (i + 1) for line in lines)
-        ):
+        if start < 1 or count < 1 or len(lines) != count or any(_number(line[64:72]) != i + 1 for line in lines):
             return f"entity {i + 1} has other parameters than its directory says"
     return "an entity has only half a directory entry" if len(directory) % 2 else ""
+
+
+def _number(field: bytes) -> int:
+    return int(field) if field.strip().isdigit() else -1

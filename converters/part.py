@@ -126,10 +126,12 @@ class Part:
     valid: bool = True
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str):
-            raise InputError(f"name must be a text, got {self.name!r}")
-        if not isinstance(self.geometry, BSplineCurve | BSplineSurface | EllipseArc):
-            kind = type(self.geometry).__name__
+        name: object = self.name
+        geometry: object = self.geometry
+        if not isinstance(name, str):
+            raise InputError(f"name must be a text, got {name!r}")
+        if not isinstance(geometry, BSplineCurve | BSplineSurface | EllipseArc):
+            kind = type(geometry).__name__
             raise InputError(f"geometry must be a BSplineCurve, BSplineSurface or EllipseArc, got {kind}")
         if self.color is not None:
             object.__setattr__(self, "color", _checked_color(self.color))

@@ -11,7 +11,6 @@ import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 
@@ -23,19 +22,20 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
-from matplotlib.path import Path as Outline
 from matplotlib.patches import PathPatch
+from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
 
 import gtcad
 from gtcad.converters import fit_curve
 from gtcad.model import Model
-from gtcad.restricted import RestrictedSurface
 from gtcad.protocol import SeparableCurve, SeparableSurface, Shape
+from gtcad.restricted import RestrictedSurface
 
 Array = NDArray[np.float64]
 
 SAMPLES = Path(__file__).parent
+OVERVIEW = "overview"  # the picture of the README
 DEFAULT_COLOR = "#8fa8c8"
 INK, NET, PAPER = "#20242c", "#5b6472", "#ffffff"
 LIGHT = np.array([-0.45, 0.75, 0.65])  # right, up and towards the viewer
@@ -232,7 +232,11 @@ def title_of(name: str, model: Model) -> str:
     points = np.concatenate([samples_of(shape) for shape in model.values()])
     sides = " x ".join(f"{side:.3g}" for side in points.max(axis=0) - points.min(axis=0))
     curves = sum(isinstance(shape, SeparableCurve) for shape in model.values())
-    counts = [f"{count} {kind}{'s' * (count > 1)}" for count, kind in ((len(model) - curves, "surface"), (curves, "curve")) if count]
+    counts = [
+        f"{count} {kind}{'s' * (count > 1)}"
+        for count, kind in ((len(model) - curves, "surface"), (curves, "curve"))
+        if count
+    ]
     return f"{name.replace('-', ' ')}: {' and '.join(counts)}, {sides} {model.unit}"
 
 
@@ -258,6 +262,60 @@ def saved(figure: Figure, path: Path) -> Path:
     return path
 
 
+def render_overview(output: Path) -> Path:
+    """What gtcad is about, in three pictures: the curves of one polygon, a surface, and a proved deviation."""
+    figure, (left, middle, right) = plt.subplots(
+        1, 3, figsize=(13, 3.9), layout="constrained", gridspec_kw={"width_ratios": [1.0, 1.25, 1.0]}
+    )
+    draw_family(left)
+    draw_space(middle, gtcad.load_model(SAMPLES / "bonnet.json"), VIEWS["bonnet"])
+    middle.set_title("surfaces: two patches of a bonnet", fontsize=11, color=INK)
+    draw_deviation(right)
+    return saved(figure, output / f"{OVERVIEW}.png")
+
+
+def draw_family(axes: Axes) -> None:
+    polygon = np.array([[0.0, 0.0], [5.0, 46.0], [62.0, 62.0], [100.0, 8.0]])
+    t = np.linspace(0.0, 1.0, 401)
+    axes.plot(*polygon.T, "o-", color=NET, linewidth=0.8, markersize=3.5, markerfacecolor=PAPER)
+    for gamma, color in zip(
+        (-1.0, -0.5, 0.0, 0.5, 1.0), plt.get_cmap("plasma")(np.linspace(0.0, 0.85, 5)), strict=True
+    ):
+        curve = gtcad.Curve(polygon, (gamma, gamma)).evaluate(t)
+        axes.plot(*curve.T, color=color, linewidth=2, label=f"{gamma:+.1f}".replace("+0.0", "0"))
+    axes.legend(
+        title="$\\gamma_1 = \\gamma_2$", loc="lower center", frameon=False, fontsize=8, title_fontsize=9, reverse=True
+    )
+    axes.set_title("curves: one polygon, several design variables", fontsize=11, color=INK)
+    frame(axes, polygon)
+
+
+def draw_deviation(axes: Axes) -> None:
+    tolerance = 1e-4
+    curve = gtcad.Curve([[0, 0], [5, 46], [62, 62], [100, 8]], (0.5, 0.5))
+    fit = fit_curve(curve, tolerance=tolerance)
+    t = np.linspace(0.0, 1.0, 2001)
+    deviation = np.linalg.norm(curve.evaluate(t) - fit.spline.evaluate(t), axis=1)
+    axes.axhline(tolerance, color="#b2431f", linewidth=1.2, linestyle="--")
+    axes.annotate(
+        "tolerance", (1.0, tolerance), (0, 3), textcoords="offset points", ha="right", fontsize=8, color="#b2431f"
+    )
+    axes.axhline(fit.deviation[1], color="#1f6fb2", linewidth=1.2)
+    axes.annotate(
+        "proved bound", (0.0, fit.deviation[1]), (0, -10), textcoords="offset points", fontsize=8, color="#1f6fb2"
+    )
+    axes.fill_between(t, deviation, color="#c9d8ea", linewidth=0)
+    axes.plot(t, deviation, color="#1f6fb2", linewidth=1)
+    axes.plot(fit.spline.knots, 0 * fit.spline.knots, "|", color=INK, markersize=9)
+    axes.set_ylim(0.0, 1.25 * tolerance)
+    axes.set_xlabel("t, with the knots of the B-spline", fontsize=8)
+    axes.set_ylabel("deviation in mm", fontsize=8)
+    axes.tick_params(labelsize=8)
+    axes.spines[["top", "right"]].set_visible(False)
+    poles = len(fit.spline.control_points)
+    axes.set_title(f"CAD: degree {fit.spline.degree}, {poles} poles, deviation proved", fontsize=11, color=INK)
+
+
 def models(names: Iterable[str]) -> list[Path]:
     """The model files that the command line names, by path or by the name of a sample; every sample for none."""
     everything = sorted(path for path in SAMPLES.iterdir() if path.suffix in (".json", ".toml"))
@@ -268,10 +326,14 @@ def models(names: Iterable[str]) -> list[Path]:
 def main() -> None:
     parser = argparse.ArgumentParser(description="Render model files to PNG.")
     parser.add_argument("--output", type=Path, required=True, help="the folder for the pictures")
-    parser.add_argument("models", nargs="*", metavar="MODEL", help="a model file or a sample's name")
+    parser.add_argument("models", nargs="*", metavar="MODEL", help="a model file, the name of a sample, or overview")
     given = parser.parse_args()
-    for path in models(given.models):
-        print(render_model(path, given.output))
+    names = [name for name in given.models if name != OVERVIEW]
+    if names or not given.models:
+        for path in models(names):
+            print(render_model(path, given.output))
+    if OVERVIEW in given.models or not given.models:
+        print(render_overview(given.output))
 
 
 if __name__ == "__main__":

@@ -266,9 +266,7 @@ def step_items(data: bytes) -> list[Item]:
             getattr(reader, f"Set{mode}Mode")(False)
         if reader.ReadStream("gtcad", io.BytesIO(data)) != _IFSelect.IFSelect_RetDone:
             raise Unreadable("its syntax is wrong")
-        _check_model(reader.Reader().WS())
-        if not reader.Transfer(document.data):
-            raise Unreadable("the kernel finds no shape in it")
+        _transfer(reader, reader.Reader().WS(), document)
         _check_faces(reader.Reader().WS())
         return list(document.items())
 
@@ -286,15 +284,19 @@ def iges_items(path: str) -> list[Item]:
         # from a path: ReadStream ends the process for IGES
         if reader.ReadFile(path) != _IFSelect.IFSelect_RetDone:
             raise Unreadable("its syntax is wrong")
-        _check_model(reader.WS())
-        if not reader.Transfer(document.data):
-            raise Unreadable("the kernel finds no shape in it")
+        _transfer(reader, reader.WS(), document)
         return list(document.items())
 
 
-def _check_model(work_session: Any) -> None:
-    """Refuse shapes with parameters that the kernel could not read: it would leave them out, or die of them."""
-    model, checks = work_session.Model(), work_session.ModelCheckList(False)
+def _transfer(reader: Any, work_session: Any, document: Document) -> None:
+    _refuse_failures(work_session.Model(), work_session.ModelCheckList(False))
+    if not reader.Transfer(document.data):
+        raise Unreadable("the kernel finds no shape in it")
+    _refuse_failures(work_session.Model(), work_session.TransferReader().LastCheckList())
+
+
+def _refuse_failures(model: Any, checks: Any) -> None:
+    """Refuse entities that the kernel could not read or convert: it would leave them out, or die of them."""
     checks.Start()
     while checks.More():
         check, number = checks.Value(), checks.Number()

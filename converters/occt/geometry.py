@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ _GeomConvert = kernel_module("GeomConvert").GeomConvert
 LEAST_KNOT_GAP = 1e-9
 """Distance below which the kernel takes two parameters for one (its Precision::PConfusion)."""
 _INFINITE = 1e100  # the kernel writes an infinite parameter as 2e100
+_ROUNDING = 1e-14
 _SAME = 1e-9  # relative difference of parameters below which a range counts as the whole curve
 
 Bounds = tuple[float, float, float, float]
@@ -278,7 +280,20 @@ def exact_surface(surface: Any, bounds: Bounds) -> tuple[BSplineSurface, str, Bo
     v0, v1 = _full_turn(bounds[2], bounds[3], surface.VPeriod() if surface.IsVPeriodic() else None)
     # real floats: OCCT 8.0 takes an integer bound for the flag of another constructor
     patch = _Geom.Geom_RectangularTrimmedSurface(surface, float(u0), float(u1), float(v0), float(v1))
-    return from_geom_surface(_GeomConvert.SurfaceToBSplineSurface_s(patch)), kind, (u0, u1, v0, v1)
+    return _snapped(from_geom_surface(_GeomConvert.SurfaceToBSplineSurface_s(patch))), kind, (u0, u1, v0, v1)
+
+
+def _snapped(spline: BSplineSurface) -> BSplineSurface:
+    """Poles that rounding alone keeps apart at the poles and seams of an analytic surface, made equal."""
+    points = np.array(spline.control_points)
+    slack = _ROUNDING * np.abs(points).max()
+    for grid in (points, points.transpose(1, 0, 2)):
+        for row in (grid[0], grid[-1]):
+            if np.abs(row - row[0]).max() <= slack:
+                row[:] = row[0]
+        if np.abs(grid[-1] - grid[0]).max() <= slack:
+            grid[-1] = grid[0]
+    return replace(spline, control_points=points)
 
 
 def _full_turn(first: float, last: float, period: float | None) -> tuple[float, float]:
