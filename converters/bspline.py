@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -134,13 +135,25 @@ class BSplineCurve:
         values = BSpline(self.flat_knots, self.homogeneous, self.degree)(np.asarray(t, dtype=np.float64))
         return _project(np.asarray(values), self.weights)
 
-    def derivative(self, t: ArrayLike) -> Array:
-        """First derivatives with respect to the spline's own parameter, shape t.shape + (d,)."""
+    @property
+    def domain(self) -> tuple[float, float]:
+        """First and last parameter."""
+        return float(self.knots[0]), float(self.knots[-1])
+
+    def derivative(self, t: ArrayLike, order: int = 1) -> Array:
+        """Derivatives of the order with respect to the spline's own parameter, 0 the point: shape t.shape + (d,)."""
         from scipy.interpolate import BSpline
 
         spline = BSpline(self.flat_knots, self.homogeneous, self.degree)
         t = np.asarray(t, dtype=np.float64)
-        return _project_derivative(np.asarray(spline(t)), np.asarray(spline(t, 1)), self.weights)
+        values = [np.asarray(spline(t, k)) for k in range(order + 1)]
+        if self.weights is None:
+            return values[order]
+        found: list[Array] = []
+        for k, value in enumerate(values):  # Leibniz' rule for C w = X, solved for the k-th derivative of C
+            lower = sum(math.comb(k, i) * values[i][..., -1:] * found[k - i] for i in range(1, k + 1))
+            found.append((value[..., :-1] - lower) / values[0][..., -1:])
+        return found[order]
 
 
 @dataclass(frozen=True, eq=False)

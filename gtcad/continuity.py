@@ -121,3 +121,264 @@ def parsed_order(order: str) -> tuple[str, int]:
     if not (isinstance(order, str) and len(order) == 2 and order[0] in "CG" and order[1] in "0123"):
         raise InputError(f'order must be one of "C0" to "C3" and "G0" to "G3", got {order!r}')
     return order[0], int(order[1])
+
+
+@dataclass(frozen=True)
+class Start:
+    """How the derivatives 0..k at the start of a curve depend on its first k + 1 control points.
+
+    Attributes
+    ----------
+    matrix
+        Row r gives the r-th derivative: lower triangular, shape (k + 1, k + 1).
+    conditioning
+        For each row its last coefficient over its largest: near 0 the control point is badly determined.
+    """
+
+    matrix: Array
+    conditioning: tuple[float, ...] = field(default=())
+
+    @classmethod
+    def of(cls, basis: Basis, order: int) -> Start:
+        """Of the curves of a basis, for the derivatives 0..order.
+
+        Raises
+        ------
+        SingularJoin
+            When a control point is not determined: its coefficient is below 1e-10 of the largest one of its row.
+        """
+        if basis.degree < order:
+            raise SingularJoin(f"degree {basis.degree} has too few control points for order {order}", 0.0)
+        rows = np.array([basis.derivative(0.0, r) for r in range(order + 1)])
+        matrix = np.tril(rows[:, : order + 1])
+        largest = np.abs(rows).max(axis=1)
+        conditioning = tuple(
+            float(abs(matrix[r, r]) / largest[r]) if largest[r] > _SINGULAR else 0.0 for r in range(order + 1)
+        )
+        for r, value in enumerate(conditioning):
+            if value < _SINGULAR:
+                raise SingularJoin(
+                    f"degree {basis.degree} with gamma = {basis.gamma} leaves control point {r} undetermined: "
+                    f"no join of order {r} can start this curve",
+                    value,
+                )
+        return cls(matrix, conditioning)
+
+
+def wanted_derivatives(ends: Array, scale: Scale) -> Array:
+    """T_0..T_k from D_0..D_k, shape (k + 1, d), by the chain rule of a reparametrisation with the scale factors."""
+    eta, psi, omega = scale
+    rules = [
+        [1.0, 0.0, 0.0, 0.0],
+        [0.0, eta, 0.0, 0.0],
+        [0.0, psi, eta**2, 0.0],
+        [0.0, omega, 3 * eta * psi, eta**3],
+    ]
+    count = len(ends)
+    return np.array(rules)[:count, :count] @ ends
+
+
+def join_curve(
+    curve: Derivable,
+    degree: int,
+    *,
+    order: str,
+    gamma: Sequence[float] = (0.0, 0.0),
+    scale: Scale = PARAMETRIC,
+    rest: ArrayLike = (),
+    family: Family = GT,
+) -> Curve:
+    """The curve that continues another one, joined C^k or G^k at its end.
+
+    Parameters
+    ----------
+    curve
+        The first curve; any shape with derivatives.
+    degree, gamma, family
+        Of the new curve.
+    order
+        "C0" to "C3" or "G0" to "G3".
+    scale
+        (eta, psi, omega) of a G join, eta > 0; left alone for a C join.
+    rest
+        The control points after the first k + 1, shape (degree - k, d).
+
+    Returns
+    -------
+    Curve
+        Its first k + 1 control points follow from the join.
+
+    Raises
+    ------
+    InputError
+        When an argument is out of its range or ``rest`` has another shape.
+    SingularJoin
+        When the first curve has no tangent at its end, or a control point is not determined: degree 2 with
+        gamma_1 = -1; order 2 with degree 2 and gamma_2 = 1 or degree 3 and gamma = (-1, 1); order 3 with degree 2,
+        degree 3 and gamma_2 = 1 or degree 4 and gamma = (-1, 1).
+
+    Examples
+    --------
+    C1: the first leg of the new polygon continues the last one of the old.
+
+    >>> first = Curve([[0, 0], [1, 1], [2, 0]])
+    >>> join_curve(first, 2, order="C1", rest=[[4, 0]]).control_points.round(12).tolist()
+    [[2.0, 0.0], [3.0, -1.0], [4.0, 0.0]]
+    """
+    kind, count = parsed_order(order)
+    if kind == "C" and tuple(scale) != PARAMETRIC:
+        raise InputError(f"scale is for G joins; a {order} join has (1, 0, 0), got {tuple(scale)}")
+    if len(scale) != 3 or not all(math.isfinite(x) for x in scale) or not scale[0] > 0:
+        raise InputError(f"scale must be three finite numbers (eta, psi, omega) with eta > 0, got {tuple(scale)}")
+    basis = Basis(degree, (float(gamma[0]), float(gamma[1])), family)
+    start = Start.of(basis, count)
+    ends = _end_derivatives(curve, count)
+    points = np.linalg.solve(start.matrix, wanted_derivatives(ends, scale))
+    points[0] = ends[0]
+    free = np.asarray(rest, dtype=np.float64).reshape(-1, points.shape[1]) if np.size(rest) else points[:0]
+    if len(free) != degree - count:
+        raise InputError(f"rest must be {degree - count} control points for degree {degree}, {order}; got {len(free)}")
+    return Curve(np.concatenate([points, free]), basis.gamma, family)
+
+
+def _end_derivatives(curve: Derivable, order: int) -> Array:
+    end = curve.domain[1]
+    ends = np.array([curve.derivative(end, r) for r in range(order + 1)])
+    size = max(float(np.ptp(_sampled(curve), axis=0).max()), np.finfo(float).tiny)
+    if order and np.linalg.norm(ends[1]) < _SINGULAR * size:
+        raise SingularJoin("the first curve has no tangent at its end: its first derivative vanishes there", 0.0)
+    return ends
+
+
+def _sampled(curve: Derivable) -> Array:
+    return curve.derivative(np.linspace(*curve.domain, 17), 0)
+
+
+def join_nearest(curve: Derivable, wanted: Curve, order: str) -> tuple[Curve, Scale]:
+    """The join of that order whose first control points are nearest to those of a wanted curve.
+
+    The scale factors of a G join are chosen to minimise the sum of squared distances of the first k + 1 control
+    points; a C join has none to choose.
+
+    Returns
+    -------
+    curve, scale
+        The joined curve, with the other control points of the wanted one, and its (eta, psi, omega).
+
+    Raises
+    ------
+    InputError, SingularJoin
+        As ``join_curve``.
+    """
+    from scipy.optimize import least_squares
+
+    kind, count = parsed_order(order)
+    rest = wanted.control_points[count + 1 :]
+
+    def joined(scale: Scale) -> Curve:
+        return join_curve(
+            curve, wanted.degree, order=order, gamma=wanted.gamma, scale=scale, rest=rest, family=wanted.family
+        )
+
+    if kind == "C" or count == 0:
+        return joined(PARAMETRIC), PARAMETRIC
+    inverse = np.linalg.inv(Start.of(wanted.factors, count).matrix)
+    ends, goal = _end_derivatives(curve, count), wanted.control_points[: count + 1]
+
+    def completed(free: Array) -> Scale:
+        psi, omega = (*free[1:], 0.0, 0.0)[:2]
+        return math.exp(free[0]), float(psi), float(omega)
+
+    def misses(free: Array) -> Array:
+        return np.asarray(inverse @ wanted_derivatives(ends, completed(free)) - goal)[1:].reshape(-1)
+
+    speeds = np.linalg.norm(wanted.derivative(0.0)), np.linalg.norm(ends[1])
+    guess = np.array([math.log(max(speeds[0], 1e-6 * speeds[1]) / speeds[1]), 0.0, 0.0])[:count]
+    found = completed(least_squares(misses, guess, x_scale="jac").x)
+    return joined(found), found
+
+
+def check_join(a: Derivable, b: Derivable, *, thresholds: Thresholds = Thresholds()) -> JoinReport:  # noqa: B008
+    """What happens where curve a ends and curve b starts, for shapes and for splines alike.
+
+    Examples
+    --------
+    >>> first = Curve([[0, 0], [1, 1], [2, 0]], gamma=(0.2, 0.5))
+    >>> check_join(first, join_curve(first, 3, order="G2", scale=(2.0, 0.3, 0.0), rest=[[4, 1]])).order
+    'G2'
+    """
+    ends = np.array([a.derivative(a.domain[1], r) for r in range(MAX_ORDER + 1)])
+    starts = np.array([b.derivative(b.domain[0], r) for r in range(MAX_ORDER + 1)])
+    if ends.shape != starts.shape:
+        raise InputError(f"both curves must have one dimension, got {ends.shape[1]} and {starts.shape[1]}")
+    ends, starts = (np.pad(one, ((0, 0), (0, 3 - one.shape[1]))) for one in (ends, starts))
+    size = max(float(np.ptp(np.concatenate([_sampled(a), _sampled(b)]), axis=0).max()), np.finfo(float).tiny)
+    gap = float(np.linalg.norm(starts[0] - ends[0]))
+    jumps = tuple(_relative(ends[r], starts[r], _SINGULAR * size) for r in (1, 2, 3))
+    if min(np.linalg.norm(ends[1]), np.linalg.norm(starts[1])) < _SINGULAR * size:
+        nan = math.nan
+        order = "C0" if gap <= thresholds.gap else "none"
+        return JoinReport(gap, nan, nan, nan, nan, jumps, order)  # type: ignore[arg-type]
+    before, after = _by_length(ends), _by_length(starts)
+    angle = _angle_deg(before.tangent, after.tangent)
+    least = 1e-6 / size  # a curvature of which less makes no visible difference
+    curvature = _relative(before.bend, after.bend, least)
+    third = _relative(before.third, after.third, least**2)
+    rate_scale = max(abs(before.rate), abs(after.rate), before.curvature**2, after.curvature**2, least**2)
+    measured = (angle / thresholds.angle_deg, curvature / thresholds.curvature, third / thresholds.curvature_rate)
+    limits = (thresholds.angle_deg * math.pi / 180, thresholds.curvature, thresholds.curvature_rate)
+    geometric = _reached([x <= 1 for x in measured])
+    parametric = _reached([jump <= max(limit, 1e-8) for jump, limit in zip(jumps, limits, strict=True)])
+    parametric = min(parametric, geometric)
+    order = f"C{parametric}" if parametric == geometric else f"G{geometric}"
+    return JoinReport(
+        gap,
+        angle,
+        curvature,
+        abs(after.rate - before.rate) / rate_scale,
+        abs(after.torsion - before.torsion),
+        jumps,  # type: ignore[arg-type]
+        order if gap <= thresholds.gap else "none",
+    )
+
+
+@dataclass(frozen=True)
+class _ByLength:
+    """Derivatives by arc length at one end: tangent, curvature vector, third derivative; and what follows."""
+
+    tangent: Array
+    bend: Array
+    third: Array
+    curvature: float
+    rate: float
+    torsion: float
+
+
+def _by_length(derivatives: Array) -> _ByLength:
+    """By the inverse function's chain rule, s' = |C'|."""
+    first, second, third = derivatives[1:4]
+    speed = float(np.linalg.norm(first))
+    tangent = first / speed
+    accel = float(tangent @ second)
+    bend = (second - accel * tangent) / speed**2
+    jerk = float(tangent @ third) + float(second @ second - accel**2) / speed
+    by_length = (third - 3 * accel * speed * bend - jerk * tangent) / speed**3
+    curvature = float(np.linalg.norm(bend))
+    if curvature == 0:
+        return _ByLength(tangent, bend, by_length, 0.0, float(np.linalg.norm(by_length)), 0.0)
+    rate = float(bend @ by_length) / curvature
+    twist = float(np.linalg.det([tangent, bend, by_length])) / curvature**2
+    return _ByLength(tangent, bend, by_length, curvature, rate, twist)
+
+
+def _relative(a: Array, b: Array, least: float) -> float:
+    return float(np.linalg.norm(b - a) / max(np.linalg.norm(a), np.linalg.norm(b), least))
+
+
+def _angle_deg(a: Array, b: Array) -> float:
+    """By the chord, which keeps its digits for small angles."""
+    return math.degrees(2 * math.asin(min(1.0, float(np.linalg.norm(b - a)) / 2)))
+
+
+def _reached(met: Sequence[bool]) -> int:
+    return next((k for k, one in enumerate(met) if not one), len(met))

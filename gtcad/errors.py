@@ -94,3 +94,20 @@ class KernelError(GtcadError, RuntimeError):
 
 class KernelMissing(GtcadError, ImportError):
     """No usable CAD kernel is installed; the message says how to get one."""
+
+
+class SingularJoin(GtcadError, ArithmeticError):
+    """A join does not determine the control points, or so badly that no digit is left.
+
+    Parameters
+    ----------
+    reason
+        Which degree, design variable and order, or which end.
+    conditioning
+        Size of the coefficient that should have fixed the point, relative to the others of its row.
+    """
+
+    def __init__(self, reason: str, conditioning: float) -> None:
+        self.reason = reason
+        self.conditioning = conditioning
+        super().__init__(reason)

@@ -81,6 +81,11 @@ class SeparableCurve(abc.ABC):
         """Space dimension d."""
         return int(self.coefficients.shape[-1])
 
+    @property
+    def domain(self) -> tuple[float, float]:
+        """First and last parameter."""
+        return 0.0, 1.0
+
     def evaluate(self, t: ArrayLike) -> Array:
         """Points C(t), shape t.shape + (d,).
 

@@ -65,6 +65,7 @@ class Camera:
 
     @classmethod
     def around(cls, points: Array, azimuth: float, elevation: float) -> Camera:
+        """Look at the box of the points from a direction in degrees."""
         least, most = points.min(axis=0), points.max(axis=0)
         a, e = np.radians([azimuth, elevation])
         toward = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
@@ -91,6 +92,7 @@ class Scene:
     widths: list[float] = field(default_factory=list)
 
     def add_surface(self, surface: SeparableSurface, color: str, cells: int) -> None:
+        """Facets, isolines and borders of a surface."""
         t = np.linspace(0.0, 1.0, cells + 1)
         grid = surface.evaluate(t[:, None], t[None, :])
         corners = np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]], axis=2).reshape(-1, 4, 3)
@@ -105,12 +107,14 @@ class Scene:
                 self.add_stroke(line, INK, *((1.1, 0.9) if border else (0.45, 0.35)))
 
     def add_stroke(self, points: Array, color: str, width: float, opacity: float = 1.0, lift: float = LIFT) -> None:
+        """A line through points, lifted towards the eye by a part of the distance."""
         places, depths = self.camera.project(points)
         depths = depths + lift * self.camera.distance
         for k in range(len(points) - 1):
             self._add(places[k : k + 2], depths[k : k + 2].mean(), CLEAR, (*to_rgb(color), opacity), width)
 
     def add_net(self, points: Array, opacity: float) -> None:
+        """Rows and columns of a control net, with a dot for each point."""
         for row in [*points, *points.swapaxes(0, 1)]:
             for start, end in itertools.pairwise(row):
                 self.add_stroke(start + np.linspace(0, 1, 25)[:, None] * (end - start), NET, 0.6, opacity, LIFT / 4)
@@ -120,6 +124,7 @@ class Scene:
             self._add(place + DOT * self.camera.distance * CIRCLE, depth + LIFT * self.camera.distance, ink, ink, 0)
 
     def draw(self, axes: Axes) -> None:
+        """Paint everything, the farthest first."""
         order = np.argsort(self.depths, kind="stable")
         axes.add_collection(
             PolyCollection(
@@ -265,12 +270,14 @@ def saved(figure: Figure, path: Path) -> Path:
 def render_overview(output: Path) -> Path:
     """What gtcad is about, in three pictures: the curves of one polygon, a surface, and a proved deviation."""
     figure, (left, middle, right) = plt.subplots(
-        1, 3, figsize=(13, 3.9), layout="constrained", gridspec_kw={"width_ratios": [1.0, 1.25, 1.0]}
+        1, 3, figsize=(13, 3.5), layout="constrained", gridspec_kw={"width_ratios": [1.0, 1.25, 1.0]}
     )
     draw_family(left)
     draw_space(middle, gtcad.load_model(SAMPLES / "bonnet.json"), VIEWS["bonnet"])
     middle.set_title("surfaces: two patches of a bonnet", fontsize=11, color=INK)
     draw_deviation(right)
+    for axes in (left, middle):
+        axes.set_anchor("N")
     return saved(figure, output / f"{OVERVIEW}.png")
 
 
@@ -291,29 +298,30 @@ def draw_family(axes: Axes) -> None:
 
 
 def draw_deviation(axes: Axes) -> None:
-    tolerance = 1e-4
+    tolerance, nanometres = 1e-4, 1e6
     curve = gtcad.Curve([[0, 0], [5, 46], [62, 62], [100, 8]], (0.5, 0.5))
     fit = fit_curve(curve, tolerance=tolerance)
     t = np.linspace(0.0, 1.0, 2001)
-    deviation = np.linalg.norm(curve.evaluate(t) - fit.spline.evaluate(t), axis=1)
-    axes.axhline(tolerance, color="#b2431f", linewidth=1.2, linestyle="--")
-    axes.annotate(
-        "tolerance", (1.0, tolerance), (0, 3), textcoords="offset points", ha="right", fontsize=8, color="#b2431f"
-    )
-    axes.axhline(fit.deviation[1], color="#1f6fb2", linewidth=1.2)
-    axes.annotate(
-        "proved bound", (0.0, fit.deviation[1]), (0, -10), textcoords="offset points", fontsize=8, color="#1f6fb2"
-    )
+    deviation = nanometres * np.linalg.norm(curve.evaluate(t) - fit.spline.evaluate(t), axis=1)
+    blue, red = "#1f6fb2", "#b2431f"
     axes.fill_between(t, deviation, color="#c9d8ea", linewidth=0)
-    axes.plot(t, deviation, color="#1f6fb2", linewidth=1)
+    axes.plot(t, deviation, color=blue, linewidth=1)
+    for level, text, color, style in (
+        (tolerance, "tolerance", red, "--"),
+        (fit.deviation[1], "proved bound", blue, "-"),
+    ):
+        axes.axhline(nanometres * level, color=color, linewidth=1.2, linestyle=style)
+        axes.annotate(
+            text, (1.02, nanometres * level), (0, 3), textcoords="offset points", fontsize=8, color=color, ha="right"
+        )
     axes.plot(fit.spline.knots, 0 * fit.spline.knots, "|", color=INK, markersize=9)
-    axes.set_ylim(0.0, 1.25 * tolerance)
-    axes.set_xlabel("t, with the knots of the B-spline", fontsize=8)
-    axes.set_ylabel("deviation in mm", fontsize=8)
+    axes.set_ylim(0.0, 1.2 * nanometres * tolerance)
+    axes.set_xlabel("parameter t, with the knots", fontsize=8)
+    axes.set_ylabel("deviation in nanometres", fontsize=8)
     axes.tick_params(labelsize=8)
     axes.spines[["top", "right"]].set_visible(False)
     poles = len(fit.spline.control_points)
-    axes.set_title(f"CAD: degree {fit.spline.degree}, {poles} poles, deviation proved", fontsize=11, color=INK)
+    axes.set_title(f"CAD: a B-spline of {poles} poles within 1e-4 mm, proved", fontsize=11, color=INK)
 
 
 def models(names: Iterable[str]) -> list[Path]:
