@@ -165,8 +165,8 @@ class Start:
         return cls(matrix, conditioning)
 
 
-def wanted_derivatives(ends: Array, scale: Scale) -> Array:
-    """T_0..T_k from D_0..D_k, shape (k + 1, d), by the chain rule of a reparametrisation with the scale factors."""
+def chain_rule(scale: Scale, count: int) -> Array:
+    """Matrix from D_0.. to T_0.. for a reparametrisation with the scale factors, shape (count, count), count <= 4."""
     eta, psi, omega = scale
     rules = [
         [1.0, 0.0, 0.0, 0.0],
@@ -174,8 +174,7 @@ def wanted_derivatives(ends: Array, scale: Scale) -> Array:
         [0.0, psi, eta**2, 0.0],
         [0.0, omega, 3 * eta * psi, eta**3],
     ]
-    count = len(ends)
-    return np.array(rules)[:count, :count] @ ends
+    return np.array(rules)[:count, :count]
 
 
 def join_curve(
@@ -233,7 +232,7 @@ def join_curve(
     basis = Basis(degree, (float(gamma[0]), float(gamma[1])), family)
     start = Start.of(basis, count)
     ends = _end_derivatives(curve, count)
-    points = np.linalg.solve(start.matrix, wanted_derivatives(ends, scale))
+    points = np.linalg.solve(start.matrix, chain_rule(scale, len(ends)) @ ends)
     points[0] = ends[0]
     free = np.asarray(rest, dtype=np.float64).reshape(-1, points.shape[1]) if np.size(rest) else points[:0]
     if len(free) != degree - count:
@@ -290,7 +289,7 @@ def join_nearest(curve: Derivable, wanted: Curve, order: str) -> tuple[Curve, Sc
         return math.exp(free[0]), float(psi), float(omega)
 
     def misses(free: Array) -> Array:
-        return np.asarray(inverse @ wanted_derivatives(ends, completed(free)) - goal)[1:].reshape(-1)
+        return np.asarray(inverse @ chain_rule(completed(free), len(ends)) @ ends - goal)[1:].reshape(-1)
 
     speeds = np.linalg.norm(wanted.derivative(0.0)), np.linalg.norm(ends[1])
     guess = np.array([math.log(max(speeds[0], 1e-6 * speeds[1]) / speeds[1]), 0.0, 0.0])[:count]
@@ -298,7 +297,7 @@ def join_nearest(curve: Derivable, wanted: Curve, order: str) -> tuple[Curve, Sc
     return joined(found), found
 
 
-def check_join(a: Derivable, b: Derivable, *, thresholds: Thresholds = Thresholds()) -> JoinReport:  # noqa: B008
+def check_join(a: Derivable, b: Derivable, *, thresholds: Thresholds = Thresholds()) -> JoinReport:
     """What happens where curve a ends and curve b starts, for shapes and for splines alike.
 
     Examples
@@ -372,7 +371,8 @@ def _by_length(derivatives: Array) -> _ByLength:
 
 
 def _relative(a: Array, b: Array, least: float) -> float:
-    return float(np.linalg.norm(b - a) / max(np.linalg.norm(a), np.linalg.norm(b), least))
+    larger = max(float(np.linalg.norm(a)), float(np.linalg.norm(b)), least)
+    return float(np.linalg.norm(b - a)) / larger
 
 
 def _angle_deg(a: Array, b: Array) -> float:

@@ -170,8 +170,15 @@ def test_a_plane_curve_is_lifted_and_a_space_curve_projected() -> None:
     assert lifted.transformed([[1, 0, 0], [0, 1, 0]]) == plane
     with pytest.raises(InputError, match="matrix"):
         plane.transformed(np.eye(3))
+
+
+@pytest.mark.parametrize("bad", [math.inf, math.nan])
+def test_refuses_transformations_that_are_not_finite(bad: float) -> None:
+    curve = Curve([[1, 0], [1, 1], [0, 1]])
     with pytest.raises(InputError, match="finite"):
-        plane.transformed(np.eye(2) * math.inf)
+        curve.transformed([[bad, 0], [0, 1]])
+    with pytest.raises(InputError, match="finite"):
+        curve.transformed(np.eye(2), [bad, 0])
 
 
 # Identity

@@ -255,20 +255,40 @@ class Unreadable(Exception):
 def step_items(data: bytes) -> list[Item]:
     """Every face and every free edge of a STEP file, in mm and in the order of the file.
 
+    The kernel makes closed B-splines periodic, which moves the last bits of rational ones. So they are read as they
+    are, unless a face cannot be built that way.
+
     Raises
     ------
     Unreadable
         When the kernel cannot read it.
     """
+    items = _step_items(data, clamped=True)
+    if all(is_valid(item.shape) for item in items):
+        return items
+    return _step_items(data, clamped=False)
+
+
+def _step_items(data: bytes, clamped: bool) -> list[Item]:
     with session("reading STEP", READING_STEP):
         reader, document = _STEPCAFControl.STEPCAFControl_Reader(), Document()
         for mode in ("GDT", "Layer", "Mat", "Meta", "Props", "SHUO", "View"):
             getattr(reader, f"Set{mode}Mode")(False)
         if reader.ReadStream("gtcad", io.BytesIO(data)) != _IFSelect.IFSelect_RetDone:
             raise Unreadable("its syntax is wrong")
+        if clamped:
+            _leave_clamped(reader.Reader().WS().Model())
         _transfer(reader, reader.Reader().WS(), document)
         _check_faces(reader.Reader().WS())
         return list(document.items())
+
+
+def _leave_clamped(model: Any) -> None:
+    """Clear the flags, for information only, by which the kernel chooses what to make periodic."""
+    for entity in _entities(model, 0):
+        for name in ("SetClosedCurve", "SetUClosed", "SetVClosed"):
+            if hasattr(entity, name):
+                getattr(entity, name)(_StepData.StepData_LFalse)
 
 
 def iges_items(path: str) -> list[Item]:
