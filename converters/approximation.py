@@ -162,7 +162,7 @@ def _end_poles(factors: Factors, knots: Knots, end_order: int) -> tuple[Array, A
     start, end = end_derivatives(knots, end_order)
     first = np.linalg.solve(start, wanted[:, :, 0])
     last = np.linalg.solve(end, wanted[:, :, 1])
-    return first, last[::-1]
+    return np.asarray(first), np.asarray(last)[::-1]
 
 
 def approximate(

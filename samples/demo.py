@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import decimal
 import io
 import json
+import math
 import sys
 import time
 from collections import Counter
@@ -17,7 +19,7 @@ from gtcad import cli
 
 SAMPLES = Path(__file__).parent
 TOLERANCE = "1e-4"
-COLUMNS = "{:<18}{:>7}{:>8}{:>7}{:>20}{:>9}  {}"
+COLUMNS = "{:<18}{:>6}{:>7}{:>7}{:>21}{:>9}  {}"
 
 
 @dataclass(frozen=True)
@@ -33,9 +35,13 @@ class Outcome:
 def gtcad(*arguments: str) -> tuple[int, dict[str, Any]]:
     """Run a command of gtcad in this process; its exit code and its JSON document."""
     printed = io.StringIO()
-    with contextlib.redirect_stdout(printed), contextlib.suppress(SystemExit):
-        cli.app([*arguments, "--json"], prog_name="gtcad")
-    return json.loads(printed.getvalue() or "{}")
+    code = 0
+    with contextlib.redirect_stdout(printed):
+        try:
+            cli.app([*arguments, "--json"], prog_name="gtcad")
+        except SystemExit as ended:
+            code = int(ended.code or 0)
+    return code, json.loads(printed.getvalue() or "{}")
 
 
 def run(model: Path, file: Path) -> Outcome:
@@ -48,17 +54,18 @@ def run(model: Path, file: Path) -> Outcome:
 
 
 def line(model: Path, outcome: Outcome) -> str:
-    poles = sum(product(shape.get("poles", [])) for shape in outcome.shapes)
+    poles = sum(math.prod(shape["poles"]) for shape in outcome.shapes if "poles" in shape)
     exact = sum(shape.get("exact", False) for shape in outcome.shapes)
     deviations = [row["deviation"][1] for row in outcome.verdicts if row["deviation"]]
     counts = Counter(row["verdict"] for row in outcome.verdicts)
     verdict = ", ".join(f"{count} {verdict}" for verdict, count in counts.items()) or "not written"
-    deviation = f"{max(deviations):.2e}" if deviations else "-"
+    deviation = rounded_up(max(deviations)) if deviations else "-"
     return COLUMNS.format(model.name, len(outcome.shapes), poles, exact, deviation, f"{outcome.seconds:.1f}", verdict)
 
 
-def product(counts: list[int]) -> int:
-    return counts[0] * (counts[1] if len(counts) > 1 else 1) if counts else 0
+def rounded_up(value: float) -> str:
+    """Three digits that are still a bound."""
+    return f"{decimal.Context(prec=3, rounding=decimal.ROUND_CEILING).create_decimal(value):.2e}"
 
 
 def main() -> None:
@@ -68,7 +75,9 @@ def main() -> None:
     given = parser.parse_args()
     given.output.mkdir(parents=True, exist_ok=True)
     models = given.models or sorted(path for path in SAMPLES.iterdir() if path.suffix in (".json", ".toml"))
-    print(f"{len(models)} models to STEP files within {TOLERANCE} mm, each read back and checked against its model\n")
+    print(
+        f"{len(models)} models to STEP files within {TOLERANCE} mm, each file read back and checked against its model\n"
+    )
     print(COLUMNS.format("model", "shapes", "poles", "exact", "deviation in mm <=", "seconds", "verdict on the file"))
     failed = []
     for model in models:

@@ -235,7 +235,7 @@ def is_plane(model: Model) -> bool:
 
 def title_of(name: str, model: Model) -> str:
     points = np.concatenate([samples_of(shape) for shape in model.values()])
-    sides = " x ".join(f"{side:.3g}" for side in points.max(axis=0) - points.min(axis=0))
+    sides = " x ".join(f"{float(f'{side:.3g}'):g}" for side in points.max(axis=0) - points.min(axis=0))
     curves = sum(isinstance(shape, SeparableCurve) for shape in model.values())
     counts = [
         f"{count} {kind}{'s' * (count > 1)}"

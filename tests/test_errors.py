@@ -14,6 +14,7 @@ from gtcad.errors import (
     KernelError,
     KernelMissing,
     ModelError,
+    SingularJoin,
     ToleranceBelowPrecision,
     ToleranceNotMet,
 )
@@ -43,6 +44,12 @@ INSTANCES: list[tuple[GtcadError, type[Exception], dict[str, object], str]] = [
         ValueError,
         {"requested": 1e-18, "floor": 3e-13},
         "tolerance 1e-18 is below 3e-13, the least that double precision allows for this piece",
+    ),
+    (
+        SingularJoin("degree 2, gamma_1 = -1: no tangent at the start", 3e-17),
+        ArithmeticError,
+        {"reason": "degree 2, gamma_1 = -1: no tangent at the start", "conditioning": 3e-17},
+        "degree 2, gamma_1 = -1: no tangent at the start",
     ),
     (KernelError("the kernel refused the face"), RuntimeError, {}, "the kernel refused the face"),
     (KernelMissing("install gtcad[cadquery]"), ImportError, {}, "install gtcad[cadquery]"),

@@ -51,6 +51,7 @@ ORDER = [
     "gtcad.converters.occt.compat",
     "gtcad.converters.occt.geometry",
     "gtcad.converters.occt.topology",
+    "gtcad.converters.occt.originals",
     "gtcad.converters.occt.session",
     "gtcad.converters.occt.document",
     "gtcad.converters.occt.exchange",

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from gtcad.converters.occt.compat import LabelSequence, kernel_module, listed
-from gtcad.converters.occt.topology import ShapeKey, pieces
+from gtcad.converters.occt.originals import Spline
+from gtcad.converters.occt.pieces import ShapeKey, pieces
 from gtcad.converters.part import Color
 
 _Quantity = kernel_module("Quantity")
@@ -24,11 +25,15 @@ _COLOR_DIGITS = 6  # the kernel keeps colours in single precision
 
 @dataclass(frozen=True)
 class Item:
-    """A shape with the name and the colour that a file gives it."""
+    """A shape with the name and the colour that a file gives it.
+
+    `originals` holds the B-splines that the file spells out, when the kernel may have moved the last bits of this one.
+    """
 
     shape: Any
     name: str
     color: Color | None = None
+    originals: tuple[Spline, ...] = ()
 
 
 class Document:

@@ -6,40 +6,40 @@ import io
 import math
 import os
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
-import gtcad
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
 from gtcad.converters.occt.compat import kernel_guard, kernel_module
 from gtcad.converters.occt.document import Document, Item
-from gtcad.converters.occt.geometry import conic_spline, is_full_ellipse
-from gtcad.converters.occt.session import READING_IGES, READING_STEP, quiet, session, writing_iges, writing_step
-from gtcad.converters.occt.topology import (
-    TOLERANCE,
-    edge_geometry,
-    face_geometry,
-    is_valid,
-    make_edge,
-    make_face,
-    pieces,
+from gtcad.converters.occt.entities import (
+    finish_step_entity,
+    part21_text,
+    placeholder,
+    set_global_section,
+    set_iges_color,
+    set_iges_names,
+    set_step_header,
 )
-from gtcad.converters.part import Color, EllipseArc, Part
+from gtcad.converters.occt.geometry import conic_spline, is_full_ellipse
+from gtcad.converters.occt.originals import Spline, iges_originals, protect, restored, step_originals
+from gtcad.converters.occt.pieces import edge_geometry, face_geometry, is_periodic_spline, is_valid, pieces
+from gtcad.converters.occt.session import READING_IGES, READING_STEP, quiet, session, writing_iges, writing_step
+from gtcad.converters.occt.topology import TOLERANCE, make_edge, make_face
+from gtcad.converters.part import EllipseArc, Part
 from gtcad.errors import FileError, InputError, KernelError
 
-_APIHeaderSection = kernel_module("APIHeaderSection")
 _BRep = kernel_module("BRep")
 _BRepTools = kernel_module("BRepTools").BRepTools
 _IFSelect = kernel_module("IFSelect")
 _IGESCAFControl = kernel_module("IGESCAFControl")
 _IGESData = kernel_module("IGESData")
-_IGESGraph = kernel_module("IGESGraph")
 _StepAP214 = kernel_module("StepAP214").StepAP214
 _STEPCAFControl = kernel_module("STEPCAFControl")
 _STEPControl = kernel_module("STEPControl")
 _StepData = kernel_module("StepData")
-_TCollection = kernel_module("TCollection")
 _TopAbs = kernel_module("TopAbs")
 _TopoDS = kernel_module("TopoDS")
 
@@ -80,13 +80,14 @@ def step_bytes(items: Sequence[Item], *, schema: Schema, tolerance: float, times
                 raise KernelError(f"the kernel cannot write {item.name!r} to STEP")
             model = writer.ChangeWriter().Model()
             for entity in _entities(model, done):
-                _finish_step_entity(entity, _placeholder(i), item.color, timestamp)
+                protect(entity)
+                finish_step_entity(entity, placeholder(i), item.color, timestamp)
             done = model.NbEntities()
-        _set_step_header(model, timestamp)
+        set_step_header(model, timestamp)
         sender = _StepData.StepData_StepWriter(model)
         data = _printed(sender, _StepAP214.Protocol_s())
     for i, item in enumerate(items):
-        data = data.replace(_placeholder(i).encode(), part21_text(item.name).encode("ascii"))
+        data = data.replace(placeholder(i).encode(), part21_text(item.name).encode("ascii"))
     return data
 
 
@@ -104,69 +105,6 @@ def _printed(sender: Any, protocol: Any) -> bytes:
     if not sender.Print(stream):
         raise KernelError("the kernel cannot print the file")
     return stream.getvalue()
-
-
-def _text(value: str) -> Any:
-    return _TCollection.TCollection_HAsciiString(value)
-
-
-def _placeholder(i: int) -> str:
-    return f"@{i:09d}@"  # the kernel breaks long names over lines, within an escape sequence too
-
-
-def part21_text(text: str) -> str:
-    """A text as Part 21 writes it between apostrophes: ASCII, anything else as an escape sequence."""
-    outer = {0, len(text) - 1}  # the kernel's reader drops spaces at the ends
-    return "".join(_part21_letter(letter, i in outer) for i, letter in enumerate(text))
-
-
-def _part21_letter(letter: str, outer: bool) -> str:
-    code = ord(letter)
-    if letter == "'":
-        return "''"
-    if 32 <= code < 127 and letter != "\\" and not (outer and letter == " "):
-        return letter
-    return f"\\X2\\{code:04X}\\X0\\" if code < 65536 else f"\\X4\\{code:08X}\\X0\\"
-
-
-def _finish_step_entity(entity: Any, name: str, color: Color | None, timestamp: datetime) -> None:
-    """Name what carries a name, take the colour at full precision, and nothing from the clock, machine and user."""
-    match type(entity).__name__:
-        case "StepBasic_Product":
-            entity.SetId(_text(name))
-            entity.SetName(_text(name))
-        case "StepShape_AdvancedFace" | "StepGeom_TrimmedCurve":
-            entity.SetName(_text(name))
-        case "StepVisual_ColourRgb" if color is not None:
-            entity.SetRed(color[0])
-            entity.SetGreen(color[1])
-            entity.SetBlue(color[2])
-        case "StepBasic_CalendarDate":
-            entity.SetYearComponent(timestamp.year)
-            entity.SetMonthComponent(timestamp.month)
-            entity.SetDayComponent(timestamp.day)
-        case "StepBasic_LocalTime":
-            entity.SetHourComponent(timestamp.hour)
-            entity.SetMinuteComponent(timestamp.minute)
-        case "StepBasic_Person":
-            entity.SetId(_text(""))
-            entity.SetLastName(_text(""))
-        case "StepBasic_Organization":
-            entity.SetId(_text(""))
-            entity.SetName(_text(""))
-
-
-def _set_step_header(model: Any, timestamp: datetime) -> None:
-    header = _APIHeaderSection.APIHeaderSection_MakeHeader(model)
-    header.SetName(_text("gtcad"))
-    header.SetTimeStamp(_text(timestamp.isoformat(timespec="seconds")))
-    header.SetAuthorValue(1, _text(""))
-    header.SetOrganizationValue(1, _text(""))
-    header.SetPreprocessorVersion(_text(f"gtcad {gtcad.__version__}"))
-    header.SetOriginatingSystem(_text("gtcad"))
-    header.SetAuthorisation(_text(""))
-    header.SetDescriptionValue(1, _text("gtcad"))
-    header.Apply(model)
 
 
 def iges_bytes(items: Sequence[Item], *, tolerance: float, timestamp: datetime) -> bytes:
@@ -195,42 +133,14 @@ def iges_bytes(items: Sequence[Item], *, tolerance: float, timestamp: datetime) 
             if not writer.Transfer(document.add(item)):
                 raise KernelError(f"the kernel cannot write {item.name!r} to IGES")
             tops.append(model.Entity(done + 1))
-            _set_iges_names(model, done, item.name)
+            set_iges_names(_entities(model, done), item.name)
             done = model.NbEntities()
         writer.ComputeModel()
         for top, item in zip(tops, items, strict=True):
             if item.color is not None:
-                _set_iges_color(model, top, item.color)
-        _set_global_section(model, timestamp)
+                set_iges_color(model, top, item.color)
+        set_global_section(model, timestamp)
         return _printed(_IGESData.IGESData_IGESWriter(model), model.Protocol())
-
-
-def _set_iges_names(model: Any, done: int, name: str) -> None:
-    for entity in _entities(model, done):
-        if type(entity).__name__ == "IGESBasic_Name":
-            entity.Init(1, _text(name))
-
-
-def _set_iges_color(model: Any, top: Any, color: Color) -> None:
-    entity = _IGESGraph.IGESGraph_Color()
-    entity.Init(*(100 * value for value in color), _text(""))
-    model.AddEntity(entity)
-    top.InitColor(entity, 0)
-
-
-def _set_global_section(model: Any, timestamp: datetime) -> None:
-    section = model.GlobalSection()
-    date = _text(timestamp.strftime("%Y%m%d.%H%M%S"))
-    section.SetDate(date)
-    section.SetLastChangeDate(date)
-    section.SetFileName(_text("gtcad"))
-    section.SetSendName(_text("gtcad"))
-    section.SetReceiveName(_text(""))
-    section.SetSystemId(_text("gtcad"))
-    section.SetInterfaceVersion(_text(f"gtcad {gtcad.__version__}"))
-    section.SetAuthorName(_text(""))
-    section.SetCompanyName(_text(""))
-    model.SetGlobalSection(section)
 
 
 def brep_bytes(items: Sequence[Item]) -> bytes:
@@ -255,40 +165,23 @@ class Unreadable(Exception):
 def step_items(data: bytes) -> list[Item]:
     """Every face and every free edge of a STEP file, in mm and in the order of the file.
 
-    The kernel makes closed B-splines periodic, which moves the last bits of rational ones. So they are read as they
-    are, unless a face cannot be built that way.
-
     Raises
     ------
     Unreadable
         When the kernel cannot read it.
     """
-    items = _step_items(data, clamped=True)
-    if all(is_valid(item.shape) for item in items):
-        return items
-    return _step_items(data, clamped=False)
-
-
-def _step_items(data: bytes, clamped: bool) -> list[Item]:
     with session("reading STEP", READING_STEP):
         reader, document = _STEPCAFControl.STEPCAFControl_Reader(), Document()
         for mode in ("GDT", "Layer", "Mat", "Meta", "Props", "SHUO", "View"):
             getattr(reader, f"Set{mode}Mode")(False)
         if reader.ReadStream("gtcad", io.BytesIO(data)) != _IFSelect.IFSelect_RetDone:
             raise Unreadable("its syntax is wrong")
-        if clamped:
-            _leave_clamped(reader.Reader().WS().Model())
-        _transfer(reader, reader.Reader().WS(), document)
-        _check_faces(reader.Reader().WS())
-        return list(document.items())
-
-
-def _leave_clamped(model: Any) -> None:
-    """Clear the flags, for information only, by which the kernel chooses what to make periodic."""
-    for entity in _entities(model, 0):
-        for name in ("SetClosedCurve", "SetUClosed", "SetVClosed"):
-            if hasattr(entity, name):
-                getattr(entity, name)(_StepData.StepData_LFalse)
+        work_session = reader.Reader().WS()
+        for entity in _entities(work_session.Model(), 0):
+            protect(entity)
+        _transfer(reader, work_session, document)
+        _check_faces(work_session)
+        return _with_originals(document, step_originals(_entities(work_session.Model(), 0)))
 
 
 def iges_items(path: str) -> list[Item]:
@@ -305,7 +198,7 @@ def iges_items(path: str) -> list[Item]:
         if reader.ReadFile(path) != _IFSelect.IFSelect_RetDone:
             raise Unreadable("its syntax is wrong")
         _transfer(reader, reader.WS(), document)
-        return list(document.items())
+        return _with_originals(document, iges_originals(_entities(reader.WS().Model(), 0)))
 
 
 def _transfer(reader: Any, work_session: Any, document: Document) -> None:
@@ -313,6 +206,14 @@ def _transfer(reader: Any, work_session: Any, document: Document) -> None:
     if not reader.Transfer(document.data):
         raise Unreadable("the kernel finds no shape in it")
     _refuse_failures(work_session.Model(), work_session.TransferReader().LastCheckList())
+
+
+def _with_originals(document: Document, originals: Iterator[Spline]) -> list[Item]:
+    items = list(document.items())
+    if not any(is_periodic_spline(item.shape) for item in items):
+        return items
+    known = tuple(originals)
+    return [replace(item, originals=known) for item in items]
 
 
 def _refuse_failures(model: Any, checks: Any) -> None:
@@ -451,6 +352,8 @@ def _part(path: str, i: int, item: Item) -> Part:
             else:
                 geometry, source = edge_geometry(item.shape)
             valid = is_valid(item.shape)
+        if not isinstance(geometry, EllipseArc):
+            geometry = restored(geometry, item.originals)
     except KernelError as error:
         raise KernelError(f"{path}: part {i} ({item.name!r}): {error}") from error
     except InputError as error:

@@ -212,6 +212,11 @@ def _untrimmed(geometry: Any) -> Any:
     return geometry
 
 
+def is_b_spline(geometry: Any) -> bool:
+    """Whether a curve or surface of the kernel is a B-spline as it stands."""
+    return type(geometry).__name__ in ("Geom_BSplineCurve", "Geom_BSplineSurface")
+
+
 def _is_exact(geometry: Any) -> bool:
     """Whether the kernel turns it into a B-spline exactly: everything but offsets and what is made from them."""
     geometry = _untrimmed(geometry)

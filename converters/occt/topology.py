@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -10,33 +10,25 @@ import numpy as np
 
 from gtcad.converters.bspline import Array, BSplineCurve, BSplineSurface
 from gtcad.converters.occt.compat import (
-    as_edge,
-    as_face,
     check_complaints,
     kernel_guard,
     kernel_module,
     point,
 )
 from gtcad.converters.occt.geometry import (
-    Bounds,
-    exact_curve,
-    exact_surface,
     to_geom_conic,
     to_geom_curve,
     to_geom_surface,
 )
+from gtcad.converters.occt.pieces import subshapes
 from gtcad.converters.part import EllipseArc
 from gtcad.errors import InputError, KernelError
 
 _gp = kernel_module("gp")
 _BRep = kernel_module("BRep")
-_BRepAdaptor = kernel_module("BRepAdaptor")
 _BRepCheck = kernel_module("BRepCheck")
-_BRepTools = kernel_module("BRepTools").BRepTools
 _Geom2d = kernel_module("Geom2d")
-_Geom2dConvert = kernel_module("Geom2dConvert").Geom2dConvert
 _TopAbs = kernel_module("TopAbs")
-_TopExp = kernel_module("TopExp")
 _TopoDS = kernel_module("TopoDS")
 
 TOLERANCE = 1e-7
@@ -77,16 +69,18 @@ def make_edge(curve: BSplineCurve | EllipseArc, *, tolerance: float = TOLERANCE)
         if isinstance(curve, EllipseArc):
             geometry, first, last = to_geom_conic(curve)
             ends = curve.evaluate(np.array([curve.start, curve.end]))
-            extent = float(np.linalg.norm(curve.axis_a) + np.linalg.norm(curve.axis_b)) * (last - first)
+            extent = float(np.linalg.norm([curve.axis_a, curve.axis_b], axis=-1).max()) * (last - first)
         else:
             geometry, first, last = to_geom_curve(curve), float(curve.knots[0]), float(curve.knots[-1])
             ends = curve.control_points[[0, -1]]
             extent = _extent(curve.control_points)
         if extent <= tolerance:
-            raise InputError(f"the curve must be longer than the tolerance of {tolerance:.3g} mm, got {extent:.3g} mm")
-        closed = np.linalg.norm(ends[1] - ends[0]) <= tolerance
+            raise InputError(
+                f"the curve must be longer than the tolerance of {tolerance:.3g} mm, "
+                f"it reaches at most {extent:.3g} mm from its start"
+            )
         start = _vertex(ends[0], tolerance)
-        end = start if closed else _vertex(ends[1], tolerance)
+        end = start if np.linalg.norm(ends[1] - ends[0]) <= tolerance else _vertex(ends[1], tolerance)
         return _checked(_edge(geometry, start, end, (first, last), tolerance), "edge")
 
 
@@ -174,13 +168,19 @@ def _is_point(curve: BSplineCurve, side: Side, tolerance: float) -> bool:
 def _coincide(curves: Mapping[Side, BSplineCurve], first: Side, second: Side, tolerance: float) -> bool:
     a, b = curves[first], curves[second]
     gap = float(np.linalg.norm(a.control_points - b.control_points, axis=-1).max())
-    same_weights = a.weights is None or b.weights is None or np.array_equal(a.weights, b.weights)
-    if 0 < gap <= tolerance and same_weights:
+    if gap > tolerance:
+        return False
+    if gap > 0:
         raise InputError(
             f"sides {first} and {second} are {gap:.3g} mm apart, less than the tolerance of {tolerance:.3g} mm: "
             "give them the same control points, then the patch is closed"
         )
-    return gap == 0 and same_weights
+    if a.weights is not None and b.weights is not None and (a.weights != b.weights).any():
+        raise InputError(
+            f"sides {first} and {second} have the same control points but different weights: "
+            "give them the same weights, then the patch is closed"
+        )
+    return True
 
 
 def _extent(points: Array) -> float:
@@ -280,125 +280,7 @@ def _lay_on_face(outline: Outline, side: Side, edge: Any, face: Any, tolerance: 
     builder.Range(edge, face, float(curve.knots[0]), float(curve.knots[-1]))
 
 
-# --- reading ------------------------------------------------------------------------------------------------------
-
-
-def face_geometry(face: Any) -> tuple[BSplineSurface, str, bool]:
-    """The surface of a face as a B-spline, its kind in the words of Part 21, and whether the face is less than it.
-
-    Raises
-    ------
-    KernelError
-        When the surface is unbounded or has no exact rational form.
-    """
-    face = as_face(face)
-    surface = _BRep.BRep_Tool.Surface_s(face)
-    spline, kind, bounds = exact_surface(surface, _BRepTools.UVBounds_s(face))
-    return spline, kind, not _fills(face, bounds)
-
-
-def edge_geometry(edge: Any) -> tuple[BSplineCurve | EllipseArc, str]:
-    """The part of its curve that an edge uses, and the curve's kind in the words of Part 21.
-
-    Raises
-    ------
-    KernelError
-        When the edge has no curve in space, or an unbounded one, or one without an exact rational form.
-    """
-    edge = as_edge(edge)
-    curve = _BRep.BRep_Tool.Curve_s(edge, 0.0, 0.0)
-    if curve is None:
-        raise KernelError("an edge has no curve in space")
-    return exact_curve(curve, *_BRep.BRep_Tool.Range_s(edge))
-
-
-def _fills(face: Any, bounds: Bounds) -> bool:
-    """Whether the boundary of a face runs along the sides of a parameter rectangle, within the edges' tolerance."""
-    wires = subshapes(face, "WIRE")
-    if len(wires) > 1:
-        return False
-    surface = _BRepAdaptor.BRepAdaptor_Surface(face)
-    return all(_on_side(as_edge(edge), face, surface, bounds) for edge in subshapes(face, "EDGE"))
-
-
-def _on_side(edge: Any, face: Any, surface: Any, bounds: Bounds) -> bool:
-    tolerance = _BRep.BRep_Tool.Tolerance_s(edge)
-    slack_u, slack_v = surface.UResolution(tolerance), surface.VResolution(tolerance)
-    u0, u1, v0, v1 = bounds
-    for use in (edge, as_edge(edge.Reversed())):
-        poles = _parameter_poles(use, face)
-        u, v = poles[:, 0], poles[:, 1]
-        along_u = any((np.abs(u - side) <= slack_u).all() for side in (u0, u1))
-        along_v = any((np.abs(v - side) <= slack_v).all() for side in (v0, v1))
-        if not (along_u or along_v):
-            return False
-    return True
-
-
-def _parameter_poles(edge: Any, face: Any) -> Array:
-    """The poles of an edge's parameter curve: the curve lies in their hull."""
-    curve = _BRep.BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0)
-    if curve is None:
-        raise KernelError("an edge has no parameter curve on its face")
-    trimmed = _Geom2d.Geom2d_TrimmedCurve(curve, *_BRep.BRep_Tool.Range_s(edge, face))
-    spline = _Geom2dConvert.CurveToBSplineCurve_s(trimmed)
-    return np.array([spline.Pole(i).Coord() for i in range(1, spline.NbPoles() + 1)])
-
-
-# --- checks -------------------------------------------------------------------------------------------------------
-
-
-class ShapeKey:
-    """A shape as a key of dictionaries: all uses of it in the same place are one, whichever way they run.
-
-    The == of the bindings tells such uses apart, and sometimes even equal ones.
-    """
-
-    def __init__(self, shape: Any) -> None:
-        self._shape = shape
-        self._hash = hash(shape.Oriented(_TopAbs.TopAbs_FORWARD))
-
-    def __hash__(self) -> int:
-        return self._hash
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, ShapeKey) and bool(self._shape.IsSame(other._shape))
-
-
-def subshapes(shape: Any, kind: str, outside: str = "SHAPE") -> list[Any]:
-    """The sub-shapes of a kind ("FACE", "EDGE", ...) that belong to none of the kind `outside`, each once, in order."""
-    explorer = _TopExp.TopExp_Explorer(shape, getattr(_TopAbs, f"TopAbs_{kind}"), getattr(_TopAbs, f"TopAbs_{outside}"))
-    found: dict[ShapeKey, Any] = {}
-    while explorer.More():
-        found.setdefault(ShapeKey(explorer.Current()), explorer.Current())
-        explorer.Next()
-    return list(found.values())
-
-
-def pieces(shape: Any) -> list[Any]:
-    """The faces of a shape and the edges that belong to none, each once, in the order of the shape."""
-    on_faces = {ShapeKey(edge) for face in subshapes(shape, "FACE") for edge in subshapes(face, "EDGE")}
-    ordered: dict[ShapeKey, Any] = {}
-    for leaf in _leaves(shape):
-        for piece in subshapes(leaf, "FACE") or subshapes(leaf, "EDGE"):
-            if ShapeKey(piece) not in on_faces:
-                ordered.setdefault(ShapeKey(piece), piece)
-    return list(ordered.values())
-
-
-def _leaves(shape: Any) -> Iterator[Any]:
-    if shape.ShapeType() != _TopAbs.TopAbs_COMPOUND:
-        yield shape
-        return
-    children = _TopoDS.TopoDS_Iterator(shape)
-    while children.More():
-        yield from _leaves(children.Value())
-        children.Next()
-
-
-def is_valid(shape: Any) -> bool:
-    """The verdict of the kernel's BRepCheck."""
-    return bool(_BRepCheck.BRepCheck_Analyzer(shape).IsValid())
+# --- checks -----------------------------------------------------------------------------------------------------------
 
 
 def _checked(shape: Any, what: str) -> Any:

@@ -1,0 +1,126 @@
+"""What is set by hand in the entities of a STEP or IGES model before it is written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from datetime import UTC, datetime
+from typing import Any
+
+import gtcad
+from gtcad.converters.occt.compat import kernel_module
+from gtcad.converters.part import Color
+
+_APIHeaderSection = kernel_module("APIHeaderSection")
+_IGESGraph = kernel_module("IGESGraph")
+_StepBasic = kernel_module("StepBasic")
+_TCollection = kernel_module("TCollection")
+
+
+def _text(value: str) -> Any:
+    return _TCollection.TCollection_HAsciiString(value)
+
+
+# --- STEP -------------------------------------------------------------------------------------------------------------
+
+
+def placeholder(i: int) -> str:
+    """What stands for the name of part i until the file is printed.
+
+    The kernel breaks long names over lines, within an escape sequence too.
+    """
+    return f"@{i:09d}@"
+
+
+def part21_text(text: str) -> str:
+    """A text as Part 21 writes it between apostrophes: ASCII, anything else as an escape sequence."""
+    outer = {0, len(text) - 1}  # the kernel's reader drops spaces at the ends
+    return "".join(_part21_letter(letter, i in outer) for i, letter in enumerate(text))
+
+
+def _part21_letter(letter: str, outer: bool) -> str:
+    code = ord(letter)
+    if letter == "'":
+        return "''"
+    if 32 <= code < 127 and letter != "\\" and not (outer and letter == " "):
+        return letter
+    return f"\\X2\\{code:04X}\\X0\\" if code < 65536 else f"\\X4\\{code:08X}\\X0\\"
+
+
+def finish_step_entity(entity: Any, name: str, color: Color | None, timestamp: datetime) -> None:
+    """Name what carries a name, take the colour at full precision, and nothing from the clock, machine and user."""
+    utc = timestamp if timestamp.tzinfo is None else timestamp.astimezone(UTC)
+    match type(entity).__name__:
+        case "StepBasic_Product":
+            entity.SetId(_text(name))
+            entity.SetName(_text(name))
+        case "StepShape_AdvancedFace" | "StepGeom_TrimmedCurve":
+            entity.SetName(_text(name))
+        case "StepVisual_ColourRgb" if color is not None:
+            entity.SetRed(color[0])
+            entity.SetGreen(color[1])
+            entity.SetBlue(color[2])
+        case "StepBasic_CalendarDate":
+            entity.SetYearComponent(utc.year)
+            entity.SetMonthComponent(utc.month)
+            entity.SetDayComponent(utc.day)
+        case "StepBasic_LocalTime":
+            entity.SetHourComponent(utc.hour)
+            entity.SetMinuteComponent(utc.minute)
+        case "StepBasic_CoordinatedUniversalTimeOffset":
+            entity.SetHourOffset(0)
+            entity.UnSetMinuteOffset()
+            entity.SetSense(_StepBasic.StepBasic_AheadOrBehind.StepBasic_aobExact)
+        case "StepBasic_Person":
+            entity.SetId(_text(""))
+            entity.SetLastName(_text(""))
+        case "StepBasic_Organization":
+            entity.SetId(_text(""))
+            entity.SetName(_text(""))
+
+
+def set_step_header(model: Any, timestamp: datetime) -> None:
+    """Fill the header; nothing in it comes from the clock, the machine or the user."""
+    header = _APIHeaderSection.APIHeaderSection_MakeHeader(model)
+    header.SetName(_text("gtcad"))
+    header.SetTimeStamp(_text(timestamp.isoformat(timespec="seconds")))
+    header.SetAuthorValue(1, _text(""))
+    header.SetOrganizationValue(1, _text(""))
+    header.SetPreprocessorVersion(_text(f"gtcad {gtcad.__version__}"))
+    header.SetOriginatingSystem(_text("gtcad"))
+    header.SetAuthorisation(_text(""))
+    header.SetDescriptionValue(1, _text("gtcad"))
+    header.Apply(model)
+
+
+# --- IGES -------------------------------------------------------------------------------------------------------------
+
+
+def set_iges_names(entities: Iterable[Any], name: str) -> None:
+    """Give all name properties among the entities of a part its name, in UTF-8."""
+    for entity in entities:
+        if type(entity).__name__ == "IGESBasic_Name":
+            entity.Init(1, _text(name))
+
+
+def set_iges_color(model: Any, top: Any, color: Color) -> None:
+    """Give the top entity of a part its colour; to be called after ComputeModel, which drops those of ellipses."""
+    entity = _IGESGraph.IGESGraph_Color()
+    entity.Init(*(100 * value for value in color), _text(""))
+    model.AddEntity(entity)
+    top.InitColor(entity, 0)
+
+
+def set_global_section(model: Any, timestamp: datetime) -> None:
+    """Fill the global section; nothing in it comes from the clock, the machine or the user."""
+    section = model.GlobalSection()
+    date = _text(timestamp.strftime("%Y%m%d.%H%M%S"))
+    section.SetDate(date)
+    section.SetLastChangeDate(date)
+    section.SetFileName(_text("gtcad"))
+    section.SetSendName(_text("gtcad"))
+    section.SetReceiveName(_text(""))
+    section.SetSystemId(_text("gtcad"))
+    section.SetInterfaceVersion(_text(f"gtcad {gtcad.__version__}"))
+    section.SetAuthorName(_text(""))
+    section.SetCompanyName(_text(""))
+    model.SetGlobalSection(section)

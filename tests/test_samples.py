@@ -1,0 +1,347 @@
+"""The samples: what they are as designs, and their way through every format, both kernels and a reader without one."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+import tomllib
+from collections import Counter
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+from steputils import p21
+
+import gtcad
+from gtcad import cli
+from gtcad.converters import BSplineCurve, BSplineSurface, jobs
+from gtcad.converters.check import check_parts
+from gtcad.differential import curvature, normal, tangent
+from gtcad.model import Model
+from gtcad.protocol import SeparableCurve, Shape
+from gtcad.restricted import RestrictedSurface
+
+Array = NDArray[np.float64]
+Map = Callable[[Array, Array], Array]  # of a curve the first parameter counts, of a surface both
+
+ROOT = Path(__file__).parents[1]
+MODELS = sorted(path for path in (ROOT / "samples").iterdir() if path.suffix in (".json", ".toml"))
+EXCHANGE = ROOT / "tests" / "data" / "exchange"
+SUFFIXES = (".step", ".igs", ".brep")
+TOLERANCE = 1e-4
+MILLIMETRES = {"mm": 1.0, "m": 1000.0, "in": 25.4}
+
+each_model = pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
+
+
+def document(path: Path) -> dict[str, Any]:
+    """The plain data of a model file, read without gtcad."""
+    text = path.read_text(encoding="utf-8")
+    data: dict[str, Any] = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+    return data
+
+
+def sample(stem: str) -> Model:
+    return gtcad.load_model(next(path for path in MODELS if path.stem == stem))
+
+
+def outlines(path: Path) -> list[list[Any]]:
+    """The control points of the plane curves of a file."""
+    curves = [shape["control_points"] for shape in document(path)["shape"] if shape["kind"] == "curve"]
+    return [points for points in curves if len(points[0]) == 2]
+
+
+def exported(path: Path, folder: Path, suffix: str) -> Path:
+    file = folder / (path.stem + suffix)
+    with pytest.raises(SystemExit) as ended:
+        cli.app(["export", str(path), "-o", str(file), "--tolerance", str(TOLERANCE)], prog_name="gtcad")
+    assert ended.value.code == 0
+    return file
+
+
+# --- the designs --------------------------------------------------------------------------------------------------
+
+
+def test_there_are_enough_models_of_both_formats() -> None:
+    assert len(MODELS) >= 6
+    assert {path.suffix for path in MODELS} == {".json", ".toml"}
+    assert {document(path)["unit"] for path in MODELS} == {"mm", "m", "in"}
+    shapes = [shape for path in MODELS for shape in document(path)["shape"]]
+    assert {shape["kind"] for shape in shapes} == {"curve", "surface"}
+    assert any("range" in shape for shape in shapes)
+
+
+@each_model
+def test_a_model_loads_and_comes_back_from_a_copy(path: Path, tmp_path: Path) -> None:
+    model = gtcad.load_model(path)
+    assert list(model) == [shape["name"] for shape in document(path)["shape"]]
+    gtcad.dump_model(model, tmp_path / "copy.json")
+    assert gtcad.load_model(tmp_path / "copy.json") == model
+
+
+@pytest.mark.parametrize("path", [path for path in MODELS if outlines(path)], ids=lambda path: path.stem)
+def test_outlines_close_exactly(path: Path) -> None:
+    ends = Counter(tuple(end) for points in outlines(path) for end in (points[0], points[-1]))
+    assert set(ends.values()) == {2}
+
+
+@pytest.mark.parametrize(("stem", "shared"), [("bonnet", 1), ("handle", 4), ("pipe-elbow", 12), ("visor", 1)])
+def test_patches_share_their_rows_and_tangent_planes_where_they_meet(stem: str, shared: int) -> None:
+    sides = [side for patch in sample(stem).values() for side in borders(patch)]
+    pairs = [(a, b) for k, a in enumerate(sides) for b in sides[:k] if a[0] == b[0]]
+    assert len(pairs) == shared
+    for (_, normals_a), (_, normals_b) in pairs:
+        assert np.abs(np.cross(normals_a, normals_b)).max() < 1e-9
+
+
+def borders(patch: Any) -> Iterator[tuple[list[Any], Array]]:
+    """The control points of each side of a patch and unit normals along it, both from the lesser end on."""
+    t = np.linspace(0, 1, 9)
+    whole, part = (patch.shape, patch.range) if isinstance(patch, RestrictedSurface) else (patch, ((0, 1), (0, 1)))
+    for end in (0, 1):
+        for direction, (u, v) in enumerate(((end, t), (t, end))):
+            if part[direction][end] == end:
+                points = np.take(whole.control_points, -end, axis=direction).tolist()
+                normals = normal(patch, u, v)
+                yield (points, normals) if points <= points[::-1] else (points[::-1], normals[::-1])
+
+
+def test_the_outline_of_the_bottle_is_tangent_continuous() -> None:
+    curves = list(sample("bottle").values())
+    for one, following in zip(curves, curves[1:] + curves[:1], strict=True):
+        assert tangent(one, 1.0) @ tangent(following, 0.0) > 1 - 1e-12
+
+
+def test_the_aerofoil_is_a_naca_2412_with_one_curvature_at_the_nose() -> None:
+    upper, lower = (sample("aerofoil")[name] for name in ("upper", "lower"))
+    assert math.isclose(curvature(upper, 1.0), curvature(lower, 0.0), rel_tol=1e-12)
+    assert lower.evaluate(1.0).tolist() == upper.evaluate(0.0).tolist() == [200, 0]
+    t = np.linspace(0, 1, 20001)
+    x = np.linspace(2, 200, 400)
+    top, bottom = (
+        np.interp(x, *points[np.argsort(points[:, 0])].T) for points in (upper.evaluate(t), lower.evaluate(t))
+    )
+    part = x / 200
+    # half the thickness of the four-digit family (NACA Report 460), its last coefficient that of a sharp trailing edge
+    rest = -0.1260 * part - 0.3516 * part**2 + 0.2843 * part**3 - 0.1036 * part**4
+    assert np.abs((top - bottom) / 2 - 200 * 0.6 * (0.2969 * np.sqrt(part) + rest)).max() < 0.06
+    assert math.isclose((top - bottom).max(), 24, abs_tol=0.02)
+
+
+# --- formats ------------------------------------------------------------------------------------------------------
+
+
+@each_model
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_an_exported_model_passes_its_own_check(path: Path, suffix: str, tmp_path: Path) -> None:
+    file = exported(path, tmp_path, suffix)
+    with pytest.raises(SystemExit) as ended:
+        cli.app(
+            ["check", str(file), "--against", str(path), "--tolerance", str(TOLERANCE), "--require-proof"],
+            prog_name="gtcad",
+        )
+    assert ended.value.code == 0
+
+
+# --- a reader without a kernel ------------------------------------------------------------------------------------
+
+
+class Part21:
+    """The curves and surfaces of a STEP file by name, as functions, from its text alone."""
+
+    def __init__(self, path: Path) -> None:
+        self.data = p21.readfile(str(path)).data[0]
+
+    def shapes(self) -> Iterator[tuple[str, int, Map]]:
+        """Name, number of variables and map of [0, 1] or its square into space, of each face and free edge."""
+        for instance in self.data.instances.values():
+            if not p21.is_simple_entity_instance(instance):
+                continue
+            entity = instance.entity
+            if entity.name == "ADVANCED_FACE":
+                yield entity.params[0], 2, self.surface(entity.params[2])
+            elif entity.name == "TRIMMED_CURVE":
+                yield entity.params[0], 1, self.curve(entity.params[1])
+
+    def fields(self, reference: str, kind: str) -> tuple[list[Any], Any]:
+        """The fields of a spline without its name, the same for plain and rational ones, and the weights."""
+        instance = self.data[reference]
+        if p21.is_simple_entity_instance(instance):
+            assert instance.entity.name == f"B_SPLINE_{kind}_WITH_KNOTS"
+            return list(instance.entity.params[1:]), None
+        parts = {entity.name: entity.params for entity in instance.entities}
+        spline = [*parts[f"B_SPLINE_{kind}"], *parts[f"B_SPLINE_{kind}_WITH_KNOTS"]]
+        return spline, np.array(parts[f"RATIONAL_B_SPLINE_{kind}"][0])
+
+    def point(self, reference: str) -> list[float]:
+        return list(self.data[reference].entity.params[1])
+
+    def curve(self, reference: str) -> Map:
+        (degree, poles, _, _, _, multiplicities, knots, _), weights = self.fields(reference, "CURVE")
+        poles = homogeneous(np.array([self.point(pole) for pole in poles]), weights)
+        spline = BSpline(np.repeat(knots, multiplicities), poles, degree)
+        return lambda u, _: projected(spline(u))
+
+    def surface(self, reference: str) -> Map:
+        fields, weights = self.fields(reference, "SURFACE")
+        degree_u, degree_v, net, _, _, _, _, multiplicities_u, multiplicities_v, knots_u, knots_v, _ = fields
+        poles = homogeneous(np.array([[self.point(pole) for pole in row] for row in net]), weights)
+        along_v = BSpline(np.repeat(knots_v, multiplicities_v), poles.swapaxes(0, 1), degree_v)
+        knots = np.repeat(knots_u, multiplicities_u)
+
+        def evaluate(u: Array, v: Array) -> Array:
+            return projected(BSpline(knots, along_v(v).swapaxes(0, 1), degree_u)(u))
+
+        return evaluate
+
+
+def homogeneous(poles: Array, weights: Array | None) -> Array:
+    weights = np.ones(poles.shape[:-1]) if weights is None else weights
+    return np.concatenate([poles * weights[..., None], weights[..., None]], axis=-1)
+
+
+def projected(points: Array) -> Array:
+    return np.asarray(points[..., :-1] / points[..., -1:])
+
+
+def model_map(shape: Shape, scale: float) -> Map:
+    lift = scale * np.eye(3, shape.dimension).T
+    if isinstance(shape, SeparableCurve):
+        return lambda u, _: shape.evaluate(u) @ lift
+    return lambda u, v: shape.evaluate(u[:, None], v[None, :]) @ lift
+
+
+def extremes(evaluate: Map, variables: int) -> Array:
+    """The box of a shape, shape (2, 3): the best of a grid, refined around it again and again."""
+    box = np.empty((2, 3))
+    for side, axis in np.ndindex(2, 3):
+        sign = 2 * side - 1
+        least, most = np.zeros(2), np.ones(2)
+        for _ in range(7):
+            u, v = np.linspace(least, most, 49).T
+            values = sign * evaluate(u, v)[..., axis]
+            place = np.unravel_index(np.argmax(values), values.shape)
+            centre = np.array([u[place[0]], v[place[1] if variables == 2 else 0]])
+            width = (most - least) / 16
+            least, most = np.maximum(centre - width, 0), np.minimum(centre + width, 1)
+        box[side, axis] = sign * values.max()
+    return box
+
+
+@cache
+def gauss(panels: int) -> tuple[Array, Array]:
+    x, weights = np.polynomial.legendre.leggauss(8)
+    starts = np.arange(panels)[:, None] / panels
+    return (starts + (x + 1) / 2 / panels).ravel(), np.tile(weights / 2 / panels, panels)
+
+
+def size(evaluate: Map, variables: int) -> float:
+    """Length of a curve, area of a surface, by Gauss' rule and central differences."""
+    x, weights = gauss(24)
+    step = 1e-5
+    if variables == 1:
+        speed = (evaluate(x + step, x) - evaluate(x - step, x)) / (2 * step)
+        return float(weights @ np.linalg.norm(speed, axis=-1))
+    along_u = (evaluate(x + step, x) - evaluate(x - step, x)) / (2 * step)
+    along_v = (evaluate(x, x + step) - evaluate(x, x - step)) / (2 * step)
+    return float(weights @ np.linalg.norm(np.cross(along_u, along_v), axis=-1) @ weights)
+
+
+@each_model
+def test_an_independent_reader_finds_the_same_sizes_and_boxes(path: Path, tmp_path: Path) -> None:
+    model = gtcad.load_model(path)
+    scale = MILLIMETRES[model.unit]
+    found = list(Part21(exported(path, tmp_path, ".step")).shapes())
+    assert [name for name, _, _ in found] == list(model)
+    for name, variables, held in found:
+        exact = model_map(model[name], scale)
+        # the point sets are at most the tolerance apart, and so are their boxes
+        assert np.abs(extremes(held, variables) - extremes(exact, variables)).max() <= TOLERANCE
+        assert math.isclose(size(held, variables), size(exact, variables), rel_tol=1e-6)
+
+
+# --- both kernels -------------------------------------------------------------------------------------------------
+
+
+def fixtures() -> ModuleType:
+    """The script that writes the files of tests/data/exchange."""
+    import importlib.util
+
+    specification = importlib.util.spec_from_file_location("regenerate", EXCHANGE / "regenerate.py")
+    assert specification is not None
+    assert specification.loader is not None
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
+
+
+def bits(spline: BSplineCurve | BSplineSurface) -> dict[str, Any]:
+    return {key: value.tolist() if hasattr(value, "tolist") else value for key, value in vars(spline).items()}
+
+
+@pytest.mark.parametrize("kernel", ["occt7", "occt8"])
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_files_of_either_kernel_read_back_bit_for_bit(kernel: str, suffix: str) -> None:
+    script = fixtures()
+    found = jobs.read_parts(str(EXCHANGE / f"{kernel}{suffix}"), form(suffix))
+    for part, expected in zip(found, script.parts(), strict=True):
+        assert bits(part.geometry) == bits(expected.geometry)
+        assert part.valid
+        assert not part.trimmed
+        if suffix != ".brep":
+            assert part.name == expected.name
+            assert (part.color is None) == (expected.color is None)
+            assert part.color is None or np.allclose(part.color, expected.color, atol=2e-6)
+    report = check_parts(found, gtcad.load_model(script.MODEL), script.TOLERANCE)
+    assert [row.verdict for row in report.rows] == ["proved"] * len(found)
+
+
+def test_what_one_kernel_writes_now_is_what_the_files_hold(tmp_path: Path) -> None:
+    script = fixtures()
+    script.write_all(tmp_path / "now")
+    for suffix in SUFFIXES:
+        now = [bits(part.geometry) for part in jobs.read_parts(str(tmp_path / f"now{suffix}"), form(suffix))]
+        assert now == [bits(part.geometry) for part in script.parts()]
+
+
+def form(suffix: str) -> str:
+    return {".step": "STEP", ".igs": "IGES", ".brep": "BREP"}[suffix]
+
+
+def other_python() -> Path | None:
+    """The interpreter of the environment of `make` that this is not."""
+    here = Path(sys.prefix).resolve()
+    found = [ROOT / name / "bin" / "python" for name in (".venv", ".venv-occt8")]
+    others = [python for python in found if python.exists() and python.parents[1].resolve() != here]
+    return others[0] if here in [python.parents[1].resolve() for python in found] and others else None
+
+
+EXPORT_ALL = """
+import sys
+from gtcad import cli
+for model, output in zip(sys.argv[1::2], sys.argv[2::2]):
+    try:
+        cli.app(["export", model, "-o", output, "--tolerance", "1e-4"], prog_name="gtcad")
+    except SystemExit as ended:
+        assert ended.code == 0, (model, ended.code)
+"""
+
+
+@pytest.mark.skipif(other_python() is None, reason="only one environment is set up")
+def test_samples_written_by_the_other_kernel_are_proved_here(tmp_path: Path) -> None:
+    files = {(path, suffix): tmp_path / (path.stem + suffix) for path in MODELS for suffix in SUFFIXES}
+    arguments = [str(name) for (path, _), file in files.items() for name in (path, file)]
+    subprocess.run([str(other_python()), "-c", EXPORT_ALL, *arguments], check=True, cwd=ROOT, capture_output=True)
+    for (path, suffix), file in files.items():
+        shapes = gtcad.load_model(path).in_millimetres()
+        report = check_parts(jobs.read_parts(str(file), form(suffix)), shapes, TOLERANCE)
+        assert [row.verdict for row in report.rows] == ["proved"] * len(shapes)
+        assert report.extra == ()
