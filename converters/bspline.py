@@ -135,6 +135,9 @@ class BSplineCurve:
         values = BSpline(self.flat_knots, self.homogeneous, self.degree)(np.asarray(t, dtype=np.float64))
         return _project(np.asarray(values), self.weights)
 
+    def __reduce__(self) -> tuple[object, ...]:
+        return BSplineCurve, (self.control_points, self.knots, self.multiplicities, self.degree, self.weights)
+
     @property
     def domain(self) -> tuple[float, float]:
         """First and last parameter."""
@@ -255,6 +258,11 @@ class BSplineSurface:
             for orders in ((1, 0), (0, 1))
         )
         return along_u, along_v
+
+    def __reduce__(self) -> tuple[object, ...]:
+        along_u = self.knots_u, self.multiplicities_u, self.degree_u
+        along_v = self.knots_v, self.multiplicities_v, self.degree_v
+        return BSplineSurface, (self.control_points, *along_u, *along_v, self.weights)
 
     def transposed(self) -> BSplineSurface:
         """The same points with u and v exchanged."""

@@ -18,7 +18,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from gtcad.chebyshev import UNIT_ROUNDOFF, Maximum, lebesgue, maximum, nodes, transform
+from gtcad.chebyshev import UNIT_ROUNDOFF, Maximum, interpolation_tail, lebesgue, maximum, nodes, transform
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
 from gtcad.converters.exact import IDENTITY, MappedFactors, ParameterMap
 from gtcad.converters.spline_basis import Knots, local_values
@@ -129,8 +129,9 @@ def certify_surface(
     size = _size(surface.coefficients, spline.control_points)
     u = _Direction.of(surface.factors_u, knots_u, parameter_maps[0], rational, resolution / size)
     v = _Direction.of(surface.factors_v, knots_v, parameter_maps[1], rational, resolution / size)
-    tail = u.tail * surface.factors_v.bound + lebesgue(u.count) * v.tail * surface.factors_u.bound
-    rounding = u.rounding * surface.factors_v.bound + v.rounding * surface.factors_u.bound + 16 * UNIT_ROUNDOFF
+    bound_u, bound_v = surface.factors_u.derivative_bound(0), surface.factors_v.derivative_bound(0)
+    tail = u.tail * bound_v + lebesgue(u.count) * v.tail * bound_u
+    rounding = u.rounding * bound_v + v.rounding * bound_u + 16 * UNIT_ROUNDOFF
     slack = size * (tail + lebesgue(u.count) * lebesgue(v.count) * rounding)
     fractional = rational or u.mapped or v.mapped
     blocks = []
@@ -235,7 +236,7 @@ def _direction(
 def _node_count(factors: Factors, knots: Knots, extra: int, resolution: float) -> tuple[int, float]:
     """Chebyshev zeros for which the shape's tail on every span is within the resolution, and that tail."""
     for count in range(knots.degree + 1, _MAX_NODES):
-        tail = factors.interpolation_tail(knots.widest, count)
+        tail = interpolation_tail(knots.widest, count, factors.derivative_bound(count))
         if tail <= resolution:
             return count + extra, tail * (1 + lebesgue(count + extra)) if extra else tail
     raise InputError(f"the shape's factors are not resolved by {_MAX_NODES} Chebyshev points on a span")

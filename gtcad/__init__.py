@@ -10,9 +10,6 @@ from typing import TYPE_CHECKING
 from gtcad._lazy import lazy_names
 
 if TYPE_CHECKING:
-    from . import converters as converters
-    from . import differential as differential
-    from . import measure as measure
     from gtcad.basis import BERNSTEIN as BERNSTEIN
     from gtcad.basis import GT as GT
     from gtcad.basis import Basis as Basis
@@ -23,6 +20,10 @@ if TYPE_CHECKING:
     from gtcad.model import load_model as load_model
     from gtcad.restricted import Restricted as Restricted
     from gtcad.surface import Surface as Surface
+
+    from . import converters as converters
+    from . import differential as differential
+    from . import measure as measure
 
 __version__ = "0.1.0"
 

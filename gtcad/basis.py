@@ -28,7 +28,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gtcad.chebyshev import UNIT_ROUNDOFF, lebesgue, sine_tail
+from gtcad.chebyshev import UNIT_ROUNDOFF, gauss_legendre
 from gtcad.errors import InputError
 
 Array = NDArray[np.float64]
@@ -36,6 +36,7 @@ Gamma = tuple[float, float]
 
 MAX_DEGREE = 60
 _HALF_PI = math.pi / 2
+AT_ONCE = 8192  # parameters in one block: its intermediate arrays stay in cache
 _OUTSIDE = 1e-12  # parameters may leave [0, 1] by rounding, not by more
 
 
@@ -67,8 +68,8 @@ class Family(abc.ABC):
         """Derivatives of the order of phi_0..phi_k at t, each of shape t.shape."""
 
     @abc.abstractmethod
-    def tail(self, gamma: Gamma, half_width: float, degree: int) -> float:
-        """Bound of sum_j |phi_j - p_j| over a span for some polynomials p_j of at most the degree."""
+    def derivative_bound(self, gamma: Gamma, order: int) -> float:
+        """Bound of the sum of |phi_j^(order)| on [0, 1]."""
 
     @property
     @abc.abstractmethod
@@ -105,9 +106,11 @@ class _GeneralizedTrigonometric(Family):
         last = -(_HALF_PI**order) * (1 + g2) * cosine + math.pi**order * g2 * double
         return [first, -(first + last), last]
 
-    def tail(self, gamma: Gamma, half_width: float, degree: int) -> float:
-        single, double = (sine_tail(w * half_width, degree) for w in (_HALF_PI, math.pi))
-        return sum(2 * ((1 + g) * single + abs(g) / 2 * double) for g in gamma)  # phi_1 is minus the sum of the others
+    def derivative_bound(self, gamma: Gamma, order: int) -> float:
+        if order == 0:
+            return 1.0  # non-negative, with the sum 1
+        waves = ((1 + g) * _HALF_PI**order + abs(g) / 2 * math.pi**order for g in gamma)
+        return 2 * sum(waves)  # phi_1 is 1 less the sum of the others
 
     @property
     def rounding(self) -> float:
@@ -124,8 +127,8 @@ class _Bernstein(Family):
     def blending(self, gamma: Gamma, t: Array, order: int) -> list[Array]:
         return [np.full(t.shape, 1.0 if order == 0 else 0.0)]
 
-    def tail(self, gamma: Gamma, half_width: float, degree: int) -> float:
-        return 0.0 if degree >= 0 else math.inf
+    def derivative_bound(self, gamma: Gamma, order: int) -> float:
+        return 1.0 if order == 0 else 0.0
 
     @property
     def rounding(self) -> float:
@@ -153,7 +156,10 @@ def checked_gamma(name: str, gamma: Sequence[float], family: Family) -> Gamma:
     InputError
         When one is outside [-1, 1] (the basis would turn negative there) or the family takes none.
     """
-    values = tuple(float(g) for g in gamma)
+    try:
+        values = tuple(float(g) for g in gamma)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} must be two numbers in [-1, 1], got {gamma!r}") from None
     if len(values) != 2:
         raise InputError(f"{name} must be two design variables, got {len(values)}")
     for index, value in enumerate(values):
@@ -164,6 +170,26 @@ def checked_gamma(name: str, gamma: Sequence[float], family: Family) -> Gamma:
             f"{name} must be left at (0, 0): the family {family.name} takes no design variables, got {values}"
         )
     return values[0] + 0.0, values[1] + 0.0  # -0.0 and 0.0 are one basis
+
+
+def is_whole(value: object) -> bool:
+    """Whether a value is a whole number; True and False are none."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+        return False
+    return math.isfinite(value) and value == int(value)
+
+
+def checked_order(name: str, order: int) -> int:
+    """The order of a derivative.
+
+    Raises
+    ------
+    InputError
+        When it is not a whole number from 0.
+    """
+    if not is_whole(order) or order < 0:
+        raise InputError(f"{name} must be a whole number from 0, got {order}")
+    return int(order)
 
 
 def checked_parameters(name: str, t: ArrayLike) -> Array:
@@ -201,8 +227,9 @@ class Basis:
 
     Notes
     -----
-    Values and derivatives are accurate to about 1e-15 times the largest of the row. There is no linear precision:
-    only constants are reproduced. For n = 2 and gamma = (-1, -1) the middle function vanishes. Mirror symmetry:
+    Values are accurate to about 1e-15 times the largest of the row, derivatives up to order 4 to 2e-14 at degree 60.
+    There is no linear precision: control points at equal distances on a line give that line, but at uneven speed. For
+    n = 2 and gamma = (-1, -1) the middle function vanishes. Mirror symmetry:
     f_{i,n}(t; gamma_1, gamma_2) = f_{n-i,n}(1 - t; gamma_2, gamma_1).
 
     Examples
@@ -219,7 +246,7 @@ class Basis:
 
     def __post_init__(self) -> None:
         least = self.family.minimum_degree
-        if isinstance(self.degree, bool) or self.degree != int(self.degree) or not least <= self.degree <= MAX_DEGREE:
+        if not is_whole(self.degree) or not least <= self.degree <= MAX_DEGREE:
             allowed = f"in [{least}, {MAX_DEGREE}] for the family {self.family.name}"
             raise InputError(f"degree must be a whole number {allowed}, got {self.degree}")
         object.__setattr__(self, "degree", int(self.degree))
@@ -256,11 +283,14 @@ class Basis:
         InputError
             When a parameter is outside [0, 1] or the order is not a whole number from 0.
         """
-        if order != int(order) or order < 0:
-            raise InputError(f"order must be a whole number from 0, got {order}")
+        order = checked_order("order", order)
         t = checked_parameters("t", t)
         flat = np.ascontiguousarray(t).reshape(-1)
-        return np.moveaxis(self.rows(flat, int(order)).reshape(self.count, *t.shape), 0, -1)
+        values = np.empty((self.count, flat.size))
+        for start in range(0, flat.size, AT_ONCE):
+            part = slice(start, start + AT_ONCE)
+            values[:, part] = self.rows(flat[part], order)
+        return np.moveaxis(values.reshape(self.count, *t.shape), 0, -1)
 
     def rows(self, t: Array, order: int = 0) -> Array:
         """The same for a flat array of parameters, function by function: shape (n + 1, t.size)."""
@@ -277,20 +307,24 @@ class Basis:
 
         By Gauss-Legendre quadrature with n + 14 + 2 (a + b) nodes, which is exact to rounding up to n = 60.
         """
-        points, weights = np.polynomial.legendre.leggauss(self.degree + 14 + 2 * (order_left + order_right))
+        points, weights = gauss_legendre(self.degree + 14 + 2 * (order_left + order_right))
         t = (points + 1) / 2
         left, right = self.rows(t, order_left), self.rows(t, order_right)
         return np.asarray((left * (weights / 2)) @ right.T)
 
-    def interpolation_tail(self, half_width: float, count: int) -> float:
-        """Bound of ``sum_i |f_i - its interpolant|`` at ``count`` Chebyshev zeros on a span of that half width."""
-        degree = count - 1 - (self.degree - self.family.blending_degree)
-        return (1 + lebesgue(count)) * self.family.tail(self.gamma, half_width, degree)
+    def derivative_bound(self, order: int) -> float:
+        """Bound of ``sum_i |f_i^(order)|`` on [0, 1], by Leibniz' rule: at order 0 the functions sum to 1.
 
-    @property
-    def bound(self) -> float:
-        """Bound of ``sum_i |f_i|``: the functions are non-negative and sum to 1."""
-        return 1.0
+        ``sum_i |B_i^(r)| <= 2^r N!/(N-r)!``, as r-th differences of Bernstein polynomials of degree N - r.
+        """
+        polynomial_degree = self.degree - self.family.blending_degree
+        return sum(
+            math.comb(order, r)
+            * math.perm(polynomial_degree, r)
+            * 2.0**r
+            * self.family.derivative_bound(self.gamma, order - r)
+            for r in range(min(order, polynomial_degree) + 1)
+        )
 
     @property
     def rounding(self) -> float:

@@ -87,4 +87,7 @@ class Curve(SeparableCurve):
         )
 
     def __hash__(self) -> int:
-        return hash((self.control_points.tobytes(), self.gamma, self.family))
+        return hash(((self.control_points + 0.0).tobytes(), self.gamma, self.family))  # -0.0 equals 0.0
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return Curve, (self.control_points, self.gamma, self.family)

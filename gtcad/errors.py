@@ -29,6 +29,9 @@ class ModelError(GtcadError, ValueError):
         self.problems = tuple(problems)
         super().__init__("\n".join(f"{path}: {problem}" for problem in self.problems))
 
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (self.path, self.problems)
+
 
 class FileError(GtcadError, OSError):
     """A file is missing, unreadable, or not what its name says.
@@ -45,6 +48,9 @@ class FileError(GtcadError, OSError):
         self.path = path
         self.reason = reason
         super().__init__(f"{path}: {reason}")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (self.path, self.reason)
 
 
 class ToleranceNotMet(GtcadError, ArithmeticError):
@@ -66,7 +72,11 @@ class ToleranceNotMet(GtcadError, ArithmeticError):
         self.requested = requested
         self.achieved = achieved
         self.spans = spans
+        self.limit = limit
         super().__init__(f"tolerance {requested:.3g} not met: {achieved:.3g} proved with {spans} spans; {limit}")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (self.requested, self.achieved, self.spans, self.limit)
 
 
 class ToleranceBelowPrecision(GtcadError, ValueError):
@@ -86,6 +96,9 @@ class ToleranceBelowPrecision(GtcadError, ValueError):
         super().__init__(
             f"tolerance {requested:.3g} is below {floor:.3g}, the least that double precision allows for this piece"
         )
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (self.requested, self.floor)
 
 
 class KernelError(GtcadError, RuntimeError):
@@ -111,3 +124,6 @@ class SingularJoin(GtcadError, ArithmeticError):
         self.reason = reason
         self.conditioning = conditioning
         super().__init__(reason)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (self.reason, self.conditioning)

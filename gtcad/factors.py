@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gtcad.chebyshev import UNIT_ROUNDOFF, lebesgue, sine_tail
+from gtcad.chebyshev import UNIT_ROUNDOFF
 from gtcad.protocol import Factors, SeparableCurve, affine
 
 Array = NDArray[np.float64]
@@ -50,19 +51,14 @@ class RestrictedFactors:
         inner = np.clip(self.start * (1 - t) + self.end * t, 0.0, 1.0)
         return self.base.rows(inner, order) * (self.end - self.start) ** order
 
-    def interpolation_tail(self, half_width: float, count: int) -> float:
-        """Bound of the distance to the interpolant."""
-        return self.base.interpolation_tail(half_width * abs(self.end - self.start), count)
-
-    @property
-    def bound(self) -> float:
-        """Bound of the sum of their absolute values."""
-        return self.base.bound
+    def derivative_bound(self, order: int) -> float:
+        """Bound of the sum of the absolute values of the derivatives."""
+        return self.base.derivative_bound(order) * abs(self.end - self.start) ** order
 
     @property
     def rounding(self) -> float:
-        """Bound of the rounding errors."""
-        return self.base.rounding
+        """Bound of the rounding errors, those of the inner parameter included."""
+        return self.base.rounding + 3 * UNIT_ROUNDOFF * self.base.derivative_bound(1)
 
 
 @dataclass(frozen=True)
@@ -85,14 +81,9 @@ class Stacked:
         """Derivatives of the order at flat parameters, shape (count, t.size)."""
         return np.concatenate([part.rows(t, order) for part in self.parts])
 
-    def interpolation_tail(self, half_width: float, count: int) -> float:
-        """Bound of the distance to the interpolant."""
-        return sum(part.interpolation_tail(half_width, count) for part in self.parts)
-
-    @property
-    def bound(self) -> float:
-        """Bound of the sum of their absolute values."""
-        return sum(part.bound for part in self.parts)
+    def derivative_bound(self, order: int) -> float:
+        """Bound of the sum of the absolute values of the derivatives."""
+        return sum(part.derivative_bound(order) for part in self.parts)
 
     @property
     def rounding(self) -> float:
@@ -121,14 +112,10 @@ class Waves:
         constant = np.full(t.shape, 1.0 if order == 0 else 0.0)
         return np.stack([constant, scale * waves[order % 4], scale * waves[(order + 3) % 4]])
 
-    def interpolation_tail(self, half_width: float, count: int) -> float:
-        """Bound of the distance to the interpolant."""
-        return 2 * (1 + lebesgue(count)) * sine_tail(abs(self.sweep) * half_width, count - 1)
-
-    @property
-    def bound(self) -> float:
-        """Bound of the sum of their absolute values."""
-        return 1 + 2**0.5
+    def derivative_bound(self, order: int) -> float:
+        """Bound of the sum of the absolute values of the derivatives: |cos| + |sin| is at most the root of 2."""
+        constant = 1.0 if order == 0 else 0.0
+        return constant + math.sqrt(2) * abs(self.sweep) ** order
 
     @property
     def rounding(self) -> float:

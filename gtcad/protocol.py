@@ -7,7 +7,7 @@ Most shapes of gtcad are finite sums of products of analytic functions of one pa
 with ``F`` and ``G`` a few *factors* (a basis, cos and sin of an angle, ...) and constant coefficients. A sum of such
 sums is one again, over the factors side by side (``gtcad.factors.Stacked``). A new kind of shape gives its factors and
 coefficients and is then evaluated, differentiated, converted, proved and exported like every other; a new kind of
-factor gives its derivatives, and a bound of the distance to its interpolant on a span.
+factor gives its derivatives, and a bound of each order of them.
 """
 
 from __future__ import annotations
@@ -19,12 +19,10 @@ from typing import Protocol, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gtcad.basis import checked_parameters
+from gtcad.basis import AT_ONCE, checked_order, checked_parameters
 from gtcad.errors import InputError
 
 Array = NDArray[np.float64]
-
-_AT_ONCE = 8192  # parameters in one block: its intermediate arrays stay in cache
 
 
 class Factors(Protocol):
@@ -44,13 +42,8 @@ class Factors(Protocol):
         """Derivatives of the order at flat parameters, shape (count, t.size), in closed form."""
         ...
 
-    def interpolation_tail(self, half_width: float, count: int) -> float:
-        """Bound of ``sum_i |F_i - its interpolant|`` at ``count`` Chebyshev zeros on a span of that half width."""
-        ...
-
-    @property
-    def bound(self) -> float:
-        """Bound of ``sum_i |F_i|``."""
+    def derivative_bound(self, order: int) -> float:
+        """Bound of ``sum_i |F_i^(order)|`` on [0, 1]; order 0 bounds the values, high orders the tails of series."""
         ...
 
     @property
@@ -104,12 +97,12 @@ class SeparableCurve(abc.ABC):
         InputError
             When a parameter is outside [0, 1] or the order is not a whole number from 0.
         """
-        order = _checked_order("order", order)
+        order = checked_order("order", order)
         t = checked_parameters("t", t)
         flat = t.reshape(-1)
         result = np.empty((flat.size, self.dimension))
-        for start in range(0, flat.size, _AT_ONCE):
-            part = slice(start, start + _AT_ONCE)
+        for start in range(0, flat.size, AT_ONCE):
+            part = slice(start, start + AT_ONCE)
             np.matmul(self.factors.rows(flat[part], order).T, self.coefficients, out=result[part])
         return result.reshape(*t.shape, self.dimension)
 
@@ -162,7 +155,7 @@ class SeparableSurface(abc.ABC):
         InputError
             When a parameter is outside [0, 1], an order is not a whole number from 0, or the shapes do not broadcast.
         """
-        order_u, order_v = (_checked_order(f"orders[{k}]", order) for k, order in enumerate(orders))
+        order_u, order_v = (checked_order(f"orders[{k}]", order) for k, order in enumerate(orders))
         u, v = checked_parameters("u", u), checked_parameters("v", v)
         try:
             shape = np.broadcast_shapes(u.shape, v.shape)
@@ -182,8 +175,8 @@ class SeparableSurface(abc.ABC):
         result = np.empty((flat_u.size, self.dimension))
         count_u, count_v, dimension = self.coefficients.shape
         table = self.coefficients.reshape(count_u, -1)
-        for start in range(0, flat_u.size, _AT_ONCE):
-            part = slice(start, start + _AT_ONCE)
+        for start in range(0, flat_u.size, AT_ONCE):
+            part = slice(start, start + AT_ONCE)
             rows_u, rows_v = self.factors_u.rows(flat_u[part], order_u), self.factors_v.rows(flat_v[part], order_v)
             lines = (rows_u.T @ table).reshape(-1, count_v, dimension)
             np.einsum("jp,pjd->pd", rows_v, lines, out=result[part])
@@ -191,12 +184,6 @@ class SeparableSurface(abc.ABC):
 
 
 Shape = SeparableCurve | SeparableSurface
-
-
-def _checked_order(name: str, order: int) -> int:
-    if order != int(order) or order < 0:
-        raise InputError(f"{name} must be a whole number from 0, got {order}")
-    return int(order)
 
 
 def checked_points(name: str, value: ArrayLike, ndim: int) -> Array:
@@ -232,6 +219,8 @@ def affine(points: Array, matrix: ArrayLike, translation: ArrayLike | None) -> A
     linear = np.asarray(matrix, dtype=np.float64)
     if linear.ndim != 2 or linear.shape[1] != points.shape[-1] or linear.shape[0] not in (2, 3):
         raise InputError(f"matrix must have shape (2 or 3, {points.shape[-1]}), got {linear.shape}")
+    if not np.isfinite(linear).all():
+        raise InputError(f"matrix must be finite, got {linear.tolist()}")
     offset = np.zeros(len(linear)) if translation is None else np.asarray(translation, dtype=np.float64)
     if offset.shape != linear.shape[:1]:
         raise InputError(f"translation must have shape ({len(linear)},), got {offset.shape}")
@@ -246,7 +235,10 @@ def domain_part(name: str, bounds: Sequence[float]) -> tuple[float, float]:
     InputError
         When it is empty or leaves [0, 1].
     """
-    values = tuple(float(x) for x in bounds)
+    try:
+        values = tuple(float(x) for x in bounds)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} must be two different numbers in [0, 1], got {bounds!r}") from None
     if len(values) != 2 or not all(0 <= x <= 1 for x in values) or abs(values[1] - values[0]) < 1e-9:
         raise InputError(f"{name} must be two different numbers in [0, 1], got {values}")
     return values[0], values[1]

@@ -9,8 +9,9 @@ from typing import overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gtcad.basis import checked_parameters
 from gtcad.errors import InputError
-from gtcad.factors import RestrictedFactors
+from gtcad.factors import CurveOfTerms, RestrictedFactors
 from gtcad.protocol import Factors, SeparableCurve, SeparableSurface, domain_part
 
 Array = NDArray[np.float64]
@@ -65,6 +66,36 @@ class RestrictedSurface(SeparableSurface):
         """The coefficients of the whole."""
         return self.shape.coefficients
 
+    def reversed(self, direction: str) -> RestrictedSurface:
+        """The same points with one parameter, "u" or "v", running backwards."""
+        if direction not in ("u", "v"):
+            raise InputError(f'direction must be "u" or "v", got {direction!r}')
+        u, v = self.range
+        return RestrictedSurface(self.shape, (u[::-1], v) if direction == "u" else (u, v[::-1]))
+
+    def isoparametric(self, *, u: float | None = None, v: float | None = None) -> CurveOfTerms:
+        """The curve of constant u (a curve in v) or of constant v (a curve in u), exactly.
+
+        Raises
+        ------
+        InputError
+            Unless just one of u and v is given, in [0, 1].
+        """
+        if (u is None) == (v is None):
+            raise InputError(f"give just one of u and v, got u={u}, v={v}")
+        if u is not None:
+            row = self.factors_u.rows(checked_parameters("u", [u]))[:, 0]
+            return CurveOfTerms(self.factors_v, np.tensordot(row, self.coefficients, 1))
+        assert v is not None
+        row = self.factors_v.rows(checked_parameters("v", [v]))[:, 0]
+        return CurveOfTerms(self.factors_u, np.tensordot(row, self.coefficients, (0, 1)))
+
+    def boundary(self, side: str) -> CurveOfTerms:
+        """The boundary curve "u0" or "u1" (a curve in v at u = 0, 1), "v0" or "v1" (a curve in u)."""
+        if side not in ("u0", "u1", "v0", "v1"):
+            raise InputError(f'side must be "u0", "u1", "v0" or "v1", got {side!r}')
+        return self.isoparametric(u=float(side[1])) if side[0] == "u" else self.isoparametric(v=float(side[1]))
+
     def transformed(self, matrix: ArrayLike, translation: ArrayLike | None = None) -> RestrictedSurface:
         """The affine image: points x become ``matrix @ x + translation``."""
         return RestrictedSurface(self.shape.transformed(matrix, translation), self.range)
@@ -98,7 +129,10 @@ def Restricted(
     >>> Restricted(Curve([[1, 0], [1, 1], [0, 1]]), (0.0, 0.5)).evaluate(1.0).round(6).tolist()
     [0.707107, 0.707107]
     """
-    values = np.shape(range)
+    try:
+        values = np.shape(range)
+    except ValueError:  # ragged
+        values = ()
     if isinstance(shape, SeparableCurve):
         if values != (2,):
             raise InputError(f"range must be (a, b) for a curve, got {range}")

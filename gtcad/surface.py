@@ -137,7 +137,11 @@ class Surface(SeparableSurface):
         ) and np.array_equal(self.control_points, other.control_points)
 
     def __hash__(self) -> int:
-        return hash((self.control_points.tobytes(), self.gamma_u, self.gamma_v, self.family_u, self.family_v))
+        points = (self.control_points + 0.0).tobytes()  # -0.0 equals 0.0
+        return hash((points, self.gamma_u, self.gamma_v, self.family_u, self.family_v))
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return Surface, (self.control_points, self.gamma_u, self.gamma_v, self.family_u, self.family_v)
 
 
 def _check_direction(direction: str) -> None:

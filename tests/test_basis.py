@@ -275,7 +275,7 @@ def test_rounding_is_bounded(degree: int, gamma: tuple[float, float], t: float) 
         exact = reference.values("GT", degree, gamma, t)
         error = mp.fsum(abs(mp.mpf(float(x)) - y) for x, y in zip(basis.evaluate(t), exact, strict=True))
     assert error <= basis.rounding
-    assert basis.evaluate(t).sum() <= basis.bound + basis.rounding
+    assert basis.evaluate(t).sum() <= basis.derivative_bound(0) + basis.rounding
 
 
 @given(st.integers(1, MAX_DEGREE), parameters)

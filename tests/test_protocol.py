@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
 from gtcad.basis import BERNSTEIN, Basis
-from gtcad.chebyshev import lebesgue, nodes, sine_tail, transform
+from gtcad.chebyshev import interpolation_tail, nodes, transform
 from gtcad.curve import Curve
 from gtcad.differential import curvature, gaussian_curvature
 from gtcad.errors import InputError
@@ -46,12 +46,8 @@ class Turn:
         constant = np.full(t.shape, 1.0 if order == 0 else 0.0)
         return np.stack([constant, self.angle**order * np.cos(phase), self.angle**order * np.sin(phase)])
 
-    def interpolation_tail(self, half_width: float, count: int) -> float:
-        return 2 * (1 + lebesgue(count)) * sine_tail(self.angle * half_width, count - 1)
-
-    @property
-    def bound(self) -> float:
-        return 1 + math.sqrt(2)
+    def derivative_bound(self, order: int) -> float:
+        return (order == 0) + math.sqrt(2) * self.angle**order
 
     @property
     def rounding(self) -> float:
@@ -142,9 +138,9 @@ def test_stacked_factors() -> None:
     for order in range(4):
         assert np.array_equal(stacked.rows(t, order)[:4], parts[0].rows(t, order))
         assert np.array_equal(stacked.rows(t, order)[4:], parts[1].rows(t, order))
-    assert stacked.interpolation_tail(0.5, 12) == sum(part.interpolation_tail(0.5, 12) for part in parts)
+    assert stacked.derivative_bound(12) == sum(part.derivative_bound(12) for part in parts)
     assert stacked.rounding == sum(part.rounding for part in parts)
-    assert stacked.bound == 2 + math.sqrt(2)
+    assert stacked.derivative_bound(0) == 2 + math.sqrt(2)
     assert stacked.key == Stacked((Basis(3, (0.1, 0.2)), Turn(2.0))).key != Stacked(parts[::-1]).key
 
 
@@ -173,9 +169,9 @@ def test_restricted_factors_are_bounded(base: Factors, start: float, end: float)
     z = np.linspace(-1, 1, 201)
     interpolant = series @ np.cos(np.outer(np.arange(count), np.arccos(z)))
     error = abs(interpolant - part.rows((z + 1) / 2)).sum(axis=0).max()
-    assert error <= part.interpolation_tail(0.5, count) + 1e-14
-    assert error >= part.interpolation_tail(0.5, count) / 1e4 - 1e-14
-    assert part.bound == base.bound
+    tail = interpolation_tail(0.5, count, part.derivative_bound(count))
+    assert tail / 1e4 - 1e-14 <= error <= tail + 1e-14
+    assert part.derivative_bound(0) == base.derivative_bound(0)
     assert part.key == RestrictedFactors(base, start, end).key != base.key
 
 

@@ -62,11 +62,13 @@ def kernel_module(name: str) -> Any:
 def _kernel_class(name: str, name_7_9: str) -> Any:
     """A collection: OCP.collections.<name> in OCCT 8.0, OCP.<package>.<class> ("package.class") in 7.9."""
     try:
-        collections = importlib.import_module("OCP.collections")
+        module = importlib.import_module("OCP.collections")
     except ImportError:
-        package, old = name_7_9.split(".")
-        return getattr(kernel_module(package), old)
-    return getattr(collections, name)
+        package, name = name_7_9.split(".")
+        module = kernel_module(package)
+    if not hasattr(module, name):  # OCCT 8.0 keeps the modules of 7.9, empty
+        raise KernelMissing(_diagnosis(ImportError(f"{module.__name__} has no {name}")))
+    return getattr(module, name)
 
 
 @contextmanager

@@ -241,12 +241,12 @@ def exact_curve(curve: Any, first: float, last: float) -> tuple[BSplineCurve | E
     if kind == "LINE":
         ends = [_coordinates(curve.Value(first)), _coordinates(curve.Value(last))]
         return BSplineCurve(ends, [first, last], [2, 2], 1), kind
-    if kind != "B_SPLINE_CURVE":
+    if kind not in ("B_SPLINE_CURVE", "BEZIER_CURVE"):
         return from_geom_curve(_GeomConvert.CurveToBSplineCurve_s(_Geom.Geom_TrimmedCurve(curve, first, last))), kind
-    if not _is_whole(first, last, curve.FirstParameter(), curve.LastParameter()):
-        curve = curve.Copy()
-        curve.Segment(first, last)
-    return from_geom_curve(curve), kind
+    spline = _GeomConvert.CurveToBSplineCurve_s(curve)
+    if not _is_whole(first, last, spline.FirstParameter(), spline.LastParameter()):
+        spline.Segment(first, last)
+    return from_geom_curve(spline), kind
 
 
 def _is_whole(first: float, last: float, start: float, end: float) -> bool:
