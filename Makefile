@@ -40,10 +40,10 @@ demo: $(VENV)/.stamp  ## export the samples to STEP within 1e-4 mm and prove wha
 	@$(BIN)/python samples/demo.py --output $(BUILD)/demo
 
 test: $(VENV)/.stamp  ## run the tests on OCCT 7.9.3
-	$(BIN)/python -m pytest -n $(WORKERS) -m 'not stress'
+	$(BIN)/python -m pytest -n $(WORKERS)
 
 test-occt8: $(VENV8)/.stamp  ## run the same tests on OCCT 8.0
-	$(BIN8)/python -m pytest -n $(WORKERS) -m 'not stress'
+	$(BIN8)/python -m pytest -n $(WORKERS)
 
 stress: $(VENV)/.stamp  ## run the long randomised tests
 	$(BIN)/python -m pytest -n $(WORKERS) -m stress

@@ -14,6 +14,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -149,6 +150,48 @@ def test_an_exported_model_passes_its_own_check(path: Path, suffix: str, tmp_pat
             prog_name="gtcad",
         )
     assert ended.value.code == 0
+
+
+# --- scripts ------------------------------------------------------------------------------------------------------
+
+
+def script(name: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, str(ROOT / "samples" / name), *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
+
+
+def test_the_demonstration_proves_every_sample(tmp_path: Path) -> None:
+    result = script("demo.py", "--output", tmp_path / "made")
+    assert (result.returncode, result.stderr) == (0, "")
+    rows = {words[0]: words for words in map(str.split, result.stdout.splitlines()) if words}
+    for path in MODELS:
+        assert (tmp_path / "made" / f"{path.stem}.step").stat().st_size > 1000
+        *_, deviation, seconds, count, verdict = rows[path.name]
+        assert (int(count), verdict) == (len(gtcad.load_model(path)), "proved")
+        assert 0 < float(deviation) <= TOLERANCE
+        assert float(seconds) < 30
+
+
+def test_the_demonstration_fails_when_a_model_does(tmp_path: Path) -> None:
+    too_large = gtcad.Curve([[0, 0], [1e12, 0], [1e12, 5], [1e12, 1e12]], (0.5, 0.5))
+    gtcad.dump_model({"far": too_large}, tmp_path / "far.json")
+    good = next(path for path in MODELS if path.stem == "visor")
+    result = script("demo.py", "--output", tmp_path, tmp_path / "far.json", good, tmp_path / "none.toml")
+    assert result.returncode == 1
+    assert "tolerance 0.0001 is below" in result.stderr
+    assert "failed: far.json, none.toml" in result.stderr
+    assert "2 proved" in result.stdout
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["far.json", "visor.step"]
+
+
+def test_pictures_are_rendered(tmp_path: Path) -> None:
+    names = ["aerofoil", "saddle-roof", "visor", "overview"]
+    result = script("render.py", "--output", tmp_path, *names)
+    assert (result.returncode, result.stderr) == (0, "")
+    for name in names:
+        picture = plt.imread(tmp_path / f"{name}.png")[..., :3]
+        assert min(picture.shape[:2]) > 200
+        assert 0.02 < (picture.min(axis=-1) < 0.95).mean() < 0.9  # neither blank nor all ink
 
 
 # --- a reader without a kernel ------------------------------------------------------------------------------------
@@ -290,9 +333,9 @@ def bits(spline: BSplineCurve | BSplineSurface) -> dict[str, Any]:
 @pytest.mark.parametrize("kernel", ["occt7", "occt8"])
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_files_of_either_kernel_read_back_bit_for_bit(kernel: str, suffix: str) -> None:
-    script = fixtures()
+    writer = fixtures()
     found = jobs.read_parts(str(EXCHANGE / f"{kernel}{suffix}"), form(suffix))
-    for part, expected in zip(found, script.parts(), strict=True):
+    for part, expected in zip(found, writer.parts(), strict=True):
         assert bits(part.geometry) == bits(expected.geometry)
         assert part.valid
         assert not part.trimmed
@@ -300,16 +343,16 @@ def test_files_of_either_kernel_read_back_bit_for_bit(kernel: str, suffix: str) 
             assert part.name == expected.name
             assert (part.color is None) == (expected.color is None)
             assert part.color is None or np.allclose(part.color, expected.color, atol=2e-6)
-    report = check_parts(found, gtcad.load_model(script.MODEL), script.TOLERANCE)
+    report = check_parts(found, gtcad.load_model(writer.MODEL), writer.TOLERANCE)
     assert [row.verdict for row in report.rows] == ["proved"] * len(found)
 
 
 def test_what_one_kernel_writes_now_is_what_the_files_hold(tmp_path: Path) -> None:
-    script = fixtures()
-    script.write_all(tmp_path / "now")
+    writer = fixtures()
+    writer.write_all(tmp_path / "now")
     for suffix in SUFFIXES:
         now = [bits(part.geometry) for part in jobs.read_parts(str(tmp_path / f"now{suffix}"), form(suffix))]
-        assert now == [bits(part.geometry) for part in script.parts()]
+        assert now == [bits(part.geometry) for part in writer.parts()]
 
 
 def form(suffix: str) -> str:
@@ -324,24 +367,29 @@ def other_python() -> Path | None:
     return others[0] if here in [python.parents[1].resolve() for python in found] and others else None
 
 
-EXPORT_ALL = """
+WRITE_ALL = """
 import sys
-from gtcad import cli
-for model, output in zip(sys.argv[1::2], sys.argv[2::2]):
-    try:
-        cli.app(["export", model, "-o", output, "--tolerance", "1e-4"], prog_name="gtcad")
-    except SystemExit as ended:
-        assert ended.code == 0, (model, ended.code)
+from pathlib import Path
+from gtcad import load_model
+from gtcad.converters import jobs
+folder, *models = map(Path, sys.argv[1:])
+for model in models:
+    content = load_model(model)
+    parts = jobs.parts_of(list(jobs.fit_shapes(content.in_millimetres(), {"tolerance": 1e-4})), content.colors)
+    for suffix, form in ((".step", "STEP"), (".igs", "IGES"), (".brep", "BREP")):
+        path = str(folder / (model.stem + suffix))
+        jobs.write_parts(path, form, parts, tolerance=1e-4, schema="AP242", timestamp=None)
 """
 
 
 @pytest.mark.skipif(other_python() is None, reason="only one environment is set up")
 def test_samples_written_by_the_other_kernel_are_proved_here(tmp_path: Path) -> None:
-    files = {(path, suffix): tmp_path / (path.stem + suffix) for path in MODELS for suffix in SUFFIXES}
-    arguments = [str(name) for (path, _), file in files.items() for name in (path, file)]
-    subprocess.run([str(other_python()), "-c", EXPORT_ALL, *arguments], check=True, cwd=ROOT, capture_output=True)
-    for (path, suffix), file in files.items():
+    arguments = [str(other_python()), "-c", WRITE_ALL, str(tmp_path), *map(str, MODELS)]
+    subprocess.run(arguments, check=True, cwd=ROOT, capture_output=True)
+    for path in MODELS:
         shapes = gtcad.load_model(path).in_millimetres()
-        report = check_parts(jobs.read_parts(str(file), form(suffix)), shapes, TOLERANCE)
-        assert [row.verdict for row in report.rows] == ["proved"] * len(shapes)
-        assert report.extra == ()
+        for suffix in SUFFIXES:
+            parts = jobs.read_parts(str(tmp_path / (path.stem + suffix)), form(suffix))
+            report = check_parts(parts, shapes, TOLERANCE)
+            assert [row.verdict for row in report.rows] == ["proved"] * len(shapes)
+            assert report.extra == ()

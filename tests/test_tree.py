@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import tomllib
 from pathlib import Path
@@ -61,15 +62,26 @@ def test_make_lists_and_has_every_target() -> None:
         assert dry.returncode == 0, dry.stderr
 
 
-def test_continuous_integration_runs_everything() -> None:
-    script = ROOT / ".ci" / "run"
-    assert os.access(script, os.X_OK)
-    assert subprocess.run(["bash", "-n", str(script)], check=False).returncode == 0
-    assert [line for line in text(".ci/run").splitlines() if line.startswith("step ")] == [
-        "step lint types",
-        "step test",
-        "step test-occt8",
-    ]
+@pytest.mark.parametrize("failing", ["", "lint types", "test-occt8"])
+def test_continuous_integration_runs_everything_and_stops_at_a_failure(failing: str, tmp_path: Path) -> None:
+    assert os.access(ROOT / ".ci" / "run", os.X_OK)
+    (tmp_path / ".ci").mkdir()
+    script = shutil.copy(ROOT / ".ci" / "run", tmp_path / ".ci" / "run")
+    make = tmp_path / "make"
+    make.write_text(f'#!/bin/sh\necho "CI=$CI"\necho "$* done"\n[ "$*" != "{failing}" ]\n')
+    make.chmod(0o755)
+    environment = os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    result = subprocess.run([script], capture_output=True, text=True, check=False, cwd="/", env=environment)
+    runs = [line for line in result.stdout.splitlines() if line.endswith(" done") and not line.startswith("make")]
+    everything = ["lint types done", "test done", "test-occt8 done"]
+    assert "CI=true" in result.stdout
+    if failing:
+        assert result.returncode != 0
+        assert runs == everything[: everything.index(f"{failing} done") + 1]
+    else:
+        assert result.returncode == 0
+        assert runs == everything
+        assert result.stdout.endswith("make test: test done\nmake test-occt8: test-occt8 done\n")
 
 
 def test_samples_are_small_enough_to_read() -> None:

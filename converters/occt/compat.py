@@ -138,23 +138,28 @@ def listed(sequence: Any) -> Iterator[Any]:
 
 
 def check_complaints(analyzer: Any, subshapes: Iterable[Any]) -> list[str]:
-    """What BRepCheck found wrong with each of the subshapes: the status in 7.9, only the kind of shape in 8.0.
+    """What BRepCheck found wrong with each of the subshapes: the statuses in 7.9, only the kind of shape in 8.0.
 
     OCCT 8.0 cannot hand the list of statuses to Python.
     """
-    complaints: list[str] = []
+    complaints: dict[str, None] = {}
     for shape in subshapes:
-        if analyzer.IsValid(shape):
-            continue
-        kind = str(shape.ShapeType()).rsplit("_", 1)[-1].lower()
-        complaints.append(kind + "".join(f" {status}" for status in _statuses(analyzer.Result(shape))))
-    return complaints
+        statuses = _statuses(analyzer.Result(shape))
+        if statuses or not analyzer.IsValid(shape):
+            kind = str(shape.ShapeType()).rsplit("_", 1)[-1].lower()
+            complaints[" ".join([kind, *statuses])] = None
+    return list(complaints)
 
 
 def _statuses(result: Any) -> list[str]:
+    """The statuses of a subshape by itself and on the shapes it belongs to."""
     try:
         statuses = list(result.Status())
+        result.InitContextIterator()
+        while result.MoreShapeInContext():
+            statuses += result.StatusOnShape()
+            result.NextShapeInContext()
     except TypeError:
         return []
-    names = (str(status).rsplit("_", 1)[-1] for status in statuses)
-    return [name for name in names if name != "NoError"]
+    names = (str(status).rsplit("_", 1)[-1].partition(":")[0] for status in statuses)
+    return list(dict.fromkeys(name for name in names if name != "NoError"))

@@ -73,6 +73,7 @@ def finish_step_entity(entity: Any, name: str, color: Color | None, timestamp: d
         case "StepBasic_Person":
             entity.SetId(_text(""))
             entity.SetLastName(_text(""))
+            entity.SetFirstName(_text(""))
         case "StepBasic_Organization":
             entity.SetId(_text(""))
             entity.SetName(_text(""))

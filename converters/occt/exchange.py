@@ -220,11 +220,21 @@ def _refuse_failures(model: Any, checks: Any) -> None:
     """Refuse entities that the kernel could not read or convert: it would leave them out, or die of them."""
     checks.Start()
     while checks.More():
-        check, number = checks.Value(), checks.Number()
+        number = checks.Number()
         kind = type(model.Entity(number)).__name__ if number else "file"
-        if check.HasFailed() and not kind.startswith(_BESIDES):
-            raise Unreadable(f"entity {number} ({kind.partition('_')[2]}): {check.CFail(1)}")
+        for complaint in _complaints(checks.Value()):
+            if not kind.startswith(_BESIDES):
+                raise Unreadable(f"entity {number} ({kind.partition('_')[2]}): {complaint.strip()}")
         checks.Next()
+
+
+def _complaints(check: Any) -> Iterator[str]:
+    """Failures, and the warnings by which the kernel says that it left something out."""
+    for i in range(1, check.NbFails() + 1):
+        yield str(check.CFail(i))
+    for i in range(1, check.NbWarnings() + 1):
+        if "not mapped" in str(check.CWarning(i)):
+            yield str(check.CWarning(i))
 
 
 def _check_faces(work_session: Any) -> None:

@@ -103,7 +103,8 @@ def make_face(surface: BSplineSurface, *, tolerance: float = TOLERANCE) -> Any:
         When a side is shorter than the tolerance without being a point, two opposite sides nearly meet without
         being equal, or the knots are too close for the kernel.
     KernelError
-        When the kernel's own check refuses the face.
+        When the kernel's own check refuses the face. It does so at degrees above 17 if the control points are rough,
+        because it evaluates in powers of the parameter and loses digits.
     """
     with kernel_guard("making a face"):
         outline = _outline(surface, tolerance)
@@ -121,8 +122,8 @@ class Outline:
 
     Parameters
     ----------
-    surface
-        The patch.
+    surface, geometry
+        The patch, as arrays and as the kernel's surface.
     curves
         The boundary curves, each running with its parameter.
     points
@@ -132,6 +133,7 @@ class Outline:
     """
 
     surface: BSplineSurface
+    geometry: Any
     curves: dict[Side, BSplineCurve]
     points: frozenset[Side]
     seams: dict[Side, Side]
@@ -152,7 +154,7 @@ def _outline(surface: BSplineSurface, tolerance: float) -> Outline:
     for first, second in _OPPOSITE:
         if first not in collapsed and second not in collapsed and _coincide(curves, first, second, tolerance):
             seams |= {first: first, second: first}
-    return Outline(surface, curves, collapsed, seams)
+    return Outline(surface, to_geom_surface(surface), curves, collapsed, seams)
 
 
 def _is_point(curve: BSplineCurve, side: Side, tolerance: float) -> bool:
@@ -256,7 +258,7 @@ def face_on(outline: Outline, edges: Mapping[Side, Any], tolerance: float) -> An
     """
     builder = _BRep.BRep_Builder()
     face = _TopoDS.TopoDS_Face()
-    builder.MakeFace(face, to_geom_surface(outline.surface), tolerance)
+    builder.MakeFace(face, outline.geometry, tolerance)
     wire = _TopoDS.TopoDS_Wire()
     builder.MakeWire(wire)
     for side in _AROUND:

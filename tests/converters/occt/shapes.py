@@ -65,16 +65,23 @@ def swapped(surface: BSplineSurface) -> BSplineSurface:
     )
 
 
+def greville(knots: list[float], multiplicities: list[int], degree: int) -> np.ndarray:
+    flat = np.repeat(knots, multiplicities)
+    return np.array([flat[i + 1 : i + degree + 1].mean() for i in range(len(flat) - degree - 1)])
+
+
 def patch(seed: int = 0, degrees: tuple[int, int] = (3, 4), rational: bool = False, dimension: int = 3):
+    """A wavy patch, rough unless its degree is so high that the kernel evaluates rough ones with too few digits."""
     rng = np.random.default_rng(seed)
     p, q = degrees
-    mu, mv = [p + 1, 1, p + 1], [q + 1, max(1, q - 1), q + 1]
-    nu, nv = sum(mu) - p - 1, sum(mv) - q - 1
-    grid = np.stack(np.meshgrid(np.linspace(0, 10, nu), np.linspace(0, 12, nv), indexing="ij"), axis=-1)
-    if dimension == 3:
-        grid = np.concatenate([grid, rng.normal(size=(nu, nv, 1))], axis=-1)
-    weights = rng.uniform(0.5, 1.5, (nu, nv)) if rational else None
-    return BSplineSurface(grid, [0, 1 / 3, 1], mu, p, [0, 0.7, 1], mv, q, weights)
+    knots_u, mu = [0, 1 / 3, 1], [p + 1, 1, p + 1]
+    knots_v, mv = [0, 0.7, 1], [q + 1, max(1, q - 1), q + 1]
+    u, v = np.meshgrid(greville(knots_u, mu, p), greville(knots_v, mv, q), indexing="ij")
+    points = np.stack([10 * u, 12 * v, np.sin(3 * u + v + seed) * np.cos(4 * v)], axis=-1)[..., :dimension]
+    if max(degrees) < 16:
+        points += rng.normal(scale=0.1, size=points.shape)
+    weights = rng.uniform(0.5, 1.5, u.shape) if rational else None
+    return BSplineSurface(points, knots_u, mu, p, knots_v, mv, q, weights)
 
 
 def curve(seed: int = 0, degree: int = 4, rational: bool = False, dimension: int = 3) -> BSplineCurve:

@@ -20,7 +20,9 @@ def test_missing_kernel_says_how_to_install_one(monkeypatch):
     monkeypatch.setitem(sys.modules, "OCP", None)
     monkeypatch.setitem(sys.modules, "OCP.gp", None)
     monkeypatch.setattr(compat, "_installed_kernels", dict)
-    with pytest.raises(KernelMissing, match=r"no CAD kernel is installed.*gtcad\[cadquery\].*gtcad\[build123d\]") as info:
+    with pytest.raises(
+        KernelMissing, match=r"no CAD kernel is installed.*gtcad\[cadquery\].*gtcad\[build123d\]"
+    ) as info:
         compat.kernel_module("gp")
     assert isinstance(info.value, ImportError)
 

@@ -55,7 +55,11 @@ def test_surfaces_come_back_bit_for_bit_and_mean_the_same(degrees, rational, dim
 def test_equal_weights_are_dropped_by_the_kernel():
     spline = shapes.curve(1)
     weighted = BSplineCurve(
-        spline.control_points, spline.knots, spline.multiplicities, spline.degree, np.full(len(spline.control_points), 2.0)
+        spline.control_points,
+        spline.knots,
+        spline.multiplicities,
+        spline.degree,
+        np.full(len(spline.control_points), 2.0),
     )
     assert shapes.same_bits(geometry.from_geom_curve(geometry.to_geom_curve(weighted)), spline)
 
@@ -64,7 +68,9 @@ def test_knots_that_the_kernel_would_merge_are_refused():
     curve = BSplineCurve(np.eye(3), [0, 0.5, 0.5 + 1e-10, 1][:2], [3, 3], 2)
     geometry.to_geom_curve(curve)
     points = np.random.default_rng(0).random((6, 3))
-    with pytest.raises(InputError, match=r"knots must lie at least 1e-09 apart for the kernel, got 0.5 and 0.5000000001"):
+    with pytest.raises(
+        InputError, match=r"knots must lie at least 1e-09 apart for the kernel, got 0.5 and 0.5000000001"
+    ):
         geometry.to_geom_curve(BSplineCurve(points, [0, 0.5, 0.5 + 1e-10, 1], [4, 1, 1, 4], 3))
     with pytest.raises(InputError, match="apart"):
         geometry.to_geom_curve(BSplineCurve(points[:3], [0, 1e-10], [3, 3], 2))
@@ -98,7 +104,9 @@ def test_periodic_curves_become_clamped(rational):
 
 def test_unclamped_curves_become_clamped():
     points = np.random.default_rng(0).random((7, 3))
-    kernel = Geom.Geom_BSplineCurve(point_array(points), real_array(np.arange(11.0)), integer_array((1,) * 11), 3, False)
+    kernel = Geom.Geom_BSplineCurve(
+        point_array(points), real_array(np.arange(11.0)), integer_array((1,) * 11), 3, False
+    )
     spline = geometry.from_geom_curve(kernel)
     assert spline.knots[[0, -1]].tolist() == [3, 7]
     for t in np.linspace(3, 7, 9):
@@ -119,7 +127,9 @@ def test_periodic_surfaces_become_clamped():
 
 @pytest.mark.parametrize("start", [-20.0, -1.0, 0.0, 0.3, 6.0, 40.0])
 @pytest.mark.parametrize("turn", [0.1, 3.0, math.pi, 6.0, FULL])
-@pytest.mark.parametrize(("a", "b"), [([0, 2, 0], [0, 0, 2]), ([3, 0, 1], [-1, 0, 3]), ([0, 3, 0], [1, 0, 0]), ([0, 1, 1], [0, -2, 2])])
+@pytest.mark.parametrize(
+    ("a", "b"), [([0, 2, 0], [0, 0, 2]), ([3, 0, 1], [-1, 0, 3]), ([0, 3, 0], [1, 0, 0]), ([0, 1, 1], [0, -2, 2])]
+)
 def test_conics_run_through_the_arc(a, b, turn, start):
     arc = EllipseArc([1, 2, 3], a, b, start, start + turn)
     conic, first, last = geometry.to_geom_conic(arc)
@@ -275,7 +285,9 @@ def test_surfaces_without_an_exact_form_are_refused():
     bounds = (0.0, 1.0, 0.0, 1.0)
     with pytest.raises(KernelError, match="OFFSET_SURFACE has no exact B-spline form"):
         geometry.exact_surface(offset, bounds)
-    pushed = Geom.Geom_SurfaceOfLinearExtrusion(Geom.Geom_OffsetCurve(curve, 0.1, gp.gp_Dir(0, 0, 1)), gp.gp_Dir(0, 0, 1))
+    pushed = Geom.Geom_SurfaceOfLinearExtrusion(
+        Geom.Geom_OffsetCurve(curve, 0.1, gp.gp_Dir(0, 0, 1)), gp.gp_Dir(0, 0, 1)
+    )
     with pytest.raises(KernelError, match="SURFACE_OF_LINEAR_EXTRUSION has no exact B-spline form"):
         geometry.exact_surface(pushed, bounds)
     with pytest.raises(KernelError, match="PLANE without bounds"):

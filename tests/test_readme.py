@@ -1,0 +1,111 @@
+"""Every example of README.md and docs/ runs, and prints what is printed there."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import gtcad
+from gtcad import cli
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+BLOCK = re.compile(r"^```([a-z]+)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block of code of a page: its language, the file that it stands for, if any, and its text."""
+
+    language: str
+    file: str
+    text: str
+
+    @property
+    def is_model(self) -> bool:
+        return self.language in ("json", "toml") and "gtcad" in self.text
+
+
+def blocks(page: Path) -> list[Block]:
+    return [Block(language, file, text) for language, file, text in BLOCK.findall(page.read_text(encoding="utf-8"))]
+
+
+def commands(text: str) -> Iterator[tuple[str, list[str]]]:
+    """The commands of a session and what it shows of their output, all white space being equal."""
+    for command, output in re.findall(r"^\$ (.*)\n((?:(?!\$ ).*\n)*)", text, re.MULTILINE):
+        yield command, output.split()
+
+
+def masked(words: list[str]) -> list[str]:
+    """The words with a sign for each number and for each rule of a table."""
+    return [NUMBER.sub("#", word) for word in words if word.strip("─")]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the samples and with every file that the pages show."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(ROOT / "samples", tmp_path / "samples", ignore=shutil.ignore_patterns("__pycache__", "*.py"))
+    for page in PAGES:
+        for block in blocks(page):
+            if block.file:
+                (tmp_path / block.file).write_text(block.text, encoding="utf-8")
+    return tmp_path
+
+
+def gtcad_command(command: str) -> tuple[int, list[str]]:
+    """Exit code and output of a command, errors included, as on a terminal of 80 columns."""
+    program, *arguments = command.split()
+    assert program == "gtcad", command
+    result = CliRunner(env={"COLUMNS": "80"}).invoke(cli.app, arguments, prog_name=program)
+    return result.exit_code, result.output.split()
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_examples_run_and_print_what_the_page_shows(page: Path, folder: Path) -> None:
+    for block in blocks(page):
+        if block.language == "python":
+            exec(compile(block.text, f"{page.name}: example", "exec"), {"__name__": "__main__"})
+        elif block.language == "console":
+            check_session(block.text)
+        elif block.is_model:
+            check_model(block, folder)
+
+
+def check_session(text: str) -> None:
+    code = 0
+    for command, shown in commands(text):
+        if command == "echo $?":
+            assert shown == [str(code)]
+        else:
+            code, output = gtcad_command(command)
+            assert masked(output) == masked(shown), command
+
+
+def check_model(block: Block, folder: Path) -> None:
+    if block.file.startswith("wrong"):
+        with pytest.raises(gtcad.GtcadError):
+            gtcad.load_model(folder / block.file)
+    else:
+        assert len(gtcad.load_model(folder / block.file)) > 0
+
+
+def test_the_pages_have_examples_of_every_kind() -> None:
+    found = [block for page in PAGES for block in blocks(page)]
+    assert {block.language for block in found} >= {"python", "console", "toml", "json"}
+    assert all(block.file for block in found if block.is_model)
+    sessions = [command for block in found if block.language == "console" for command, _ in commands(block.text)]
+    assert {command.split()[1] for command in sessions if command.startswith("gtcad")} >= {"export", "check", "info"}
+
+
+def test_the_build123d_example_is_short() -> None:
+    [example] = [b for b in blocks(PAGES[0]) if b.language == "python" and "import build123d" in b.text]
+    assert len(example.text.strip().splitlines()) <= 12
