@@ -22,16 +22,16 @@ def write_iges(
     """Write curves and surfaces to an IGES file in mm, one entity for each part, in their order.
 
     Control points, weights and knots are written with 17 significant digits: they read back bit for bit. Weights that
-    are all equal are left out, since the kernel takes such a spline for a polynomial one. A full ellipse that does not
-    begin on its longer axis becomes a rational B-spline, because the kernel would approximate it.
+    are all equal are left out, since the kernel takes such a spline for a polynomial one. A full ellipse becomes an
+    exact rational B-spline, because the kernel would approximate it.
 
     Parameters
     ----------
     path
         Written whole or not at all; an existing file is replaced.
     parts
-        At least one. Names go into name properties. IGES knows ASCII only: other letters are written in UTF-8, which
-        this package and OCCT read, while other programs may show something else.
+        At least one. Names go into name properties, without spaces at the ends. IGES knows ASCII only: other letters
+        are written in UTF-8, which this package and OCCT read, while other programs may show something else.
     tolerance
         In mm; goes into the file's minimum resolution. None writes 1e-7.
     timestamp

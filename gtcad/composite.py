@@ -15,7 +15,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gtcad.continuity import PARAMETRIC, JoinReport, Scale, Start, Thresholds, chain_rule, check_join, parsed_order
+from gtcad.continuity import (
+    PARAMETRIC,
+    JoinReport,
+    Scale,
+    Start,
+    Thresholds,
+    chain_rule,
+    check_join,
+    parsed_order,
+    speed_bounds,
+)
 from gtcad.curve import Curve
 from gtcad.errors import InputError, SingularJoin
 
@@ -221,7 +231,12 @@ class _System:
         if not open_joints:
             return completed(np.zeros(0))
         guess = np.concatenate([[self._speed_ratio(joint), 0.0, 0.0][:order] for joint, order in open_joints])
-        found = least_squares(lambda free: (self.moves(completed(free)) / self.size).reshape(-1), guess, x_scale="jac")
+        speeds = np.cumsum([0, *(order for _, order in open_joints[:-1])]).tolist()
+
+        def relative_moves(free: Array) -> Array:
+            return (self.moves(completed(free)) / self.size).reshape(-1)
+
+        found = least_squares(relative_moves, guess, bounds=speed_bounds(guess, speeds), x_scale="jac")
         return completed(found.x)
 
     def _speed_ratio(self, joint: int) -> float:

@@ -253,6 +253,13 @@ def _sampled(curve: Derivable) -> Array:
     return curve.derivative(np.linspace(*curve.domain, 17), 0)
 
 
+def speed_bounds(guess: Array, speeds: Sequence[int]) -> tuple[Array, Array]:
+    """Bounds that keep the logarithms of speeds within a factor 8 of the guess: no tangent may vanish."""
+    lower, upper = np.full(len(guess), -np.inf), np.full(len(guess), np.inf)
+    lower[list(speeds)], upper[list(speeds)] = guess[list(speeds)] - math.log(8), guess[list(speeds)] + math.log(8)
+    return lower, upper
+
+
 def join_nearest(curve: Derivable, wanted: Curve, order: str) -> tuple[Curve, Scale]:
     """The join of that order whose first control points are nearest to those of a wanted curve.
 
@@ -291,9 +298,10 @@ def join_nearest(curve: Derivable, wanted: Curve, order: str) -> tuple[Curve, Sc
     def misses(free: Array) -> Array:
         return np.asarray(inverse @ chain_rule(completed(free), len(ends)) @ ends - goal)[1:].reshape(-1)
 
-    speeds = np.linalg.norm(wanted.derivative(0.0)), np.linalg.norm(ends[1])
-    guess = np.array([math.log(max(speeds[0], 1e-6 * speeds[1]) / speeds[1]), 0.0, 0.0])[:count]
-    found = completed(least_squares(misses, guess, x_scale="jac").x)
+    size = np.linalg.norm(np.ptp(wanted.control_points, axis=0))
+    speed = max(float(np.linalg.norm(wanted.derivative(0.0))), 1e-3 * float(size)) / float(np.linalg.norm(ends[1]))
+    guess = np.array([math.log(speed), 0.0, 0.0])[:count]
+    found = completed(least_squares(misses, guess, bounds=speed_bounds(guess, [0]), x_scale="jac").x)
     return joined(found), found
 
 
@@ -328,8 +336,7 @@ def check_join(a: Derivable, b: Derivable, *, thresholds: Thresholds = Threshold
     limits = (thresholds.angle_deg * math.pi / 180, thresholds.curvature, thresholds.curvature_rate)
     geometric = _reached([x <= 1 for x in measured])
     parametric = _reached([jump <= max(limit, 1e-8) for jump, limit in zip(jumps, limits, strict=True)])
-    parametric = min(parametric, geometric)
-    order = f"C{parametric}" if parametric == geometric else f"G{geometric}"
+    order = f"C{parametric}" if parametric >= geometric else f"G{geometric}"  # C^k implies G^k
     return JoinReport(
         gap,
         angle,

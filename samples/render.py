@@ -43,7 +43,7 @@ FILL = np.array([0.8, 0.1, 0.5])
 LAMPS = np.array([[0.35, 0.75, -0.56], [0.2, 0.97, -0.1], [0.86, 0.31, 0.4]])  # normals of the planes of long lamps
 BRIGHTNESS = np.array([0.3, 0.14, 0.08])
 CLEAR = (0.0, 0.0, 0.0, 0.0)
-FACETS, ISOLINES, STROKE = 40_000, 8, 96
+FACETS, ISOLINES, STROKE = 90_000, 8, 96
 LIFT, DOT = 0.005, 0.0009  # of the distance: strokes lie above the facets; size of a control point
 CIRCLE = np.array([[np.cos(a), np.sin(a)] for a in np.linspace(0.0, 2 * np.pi, 12, endpoint=False)])
 VIEWS = {  # azimuth and elevation of the eye in degrees
@@ -176,7 +176,7 @@ def draw_space(axes: Axes, model: Model, view: tuple[float, float], *, net: bool
     camera = Camera.around(np.concatenate([samples_of(shape) for shape in shapes.values()]), *view)
     scene = Scene(camera)
     seen = [camera.project(samples_of(shape))[0] for shape in shapes.values()]
-    cells = int(np.sqrt(FACETS / max(1, len(shapes))))
+    cells = min(128, int(np.sqrt(FACETS / len(shapes))))
     for name, shape in shapes.items():
         color = model.colors.get(name, DEFAULT_COLOR)
         if isinstance(shape, SeparableSurface):

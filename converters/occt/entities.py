@@ -97,10 +97,10 @@ def set_step_header(model: Any, timestamp: datetime) -> None:
 
 
 def set_iges_names(entities: Iterable[Any], name: str) -> None:
-    """Give all name properties among the entities of a part its name, in UTF-8."""
+    """Give all name properties among the entities of a part its name, in UTF-8; readers drop spaces at the ends."""
     for entity in entities:
         if type(entity).__name__ == "IGESBasic_Name":
-            entity.Init(1, _text(name))
+            entity.Init(1, _text(name.strip()))
 
 
 def set_iges_color(model: Any, top: Any, color: Color) -> None:

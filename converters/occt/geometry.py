@@ -92,9 +92,8 @@ def to_geom_conic(arc: EllipseArc) -> tuple[Any, float, float]:
 
 
 def is_full_ellipse(arc: EllipseArc) -> bool:
-    """Whether an arc is all of an ellipse that is no circle and does not begin on its longer axis."""
-    conic, first, last = to_geom_conic(arc)
-    return not arc.is_circle and _is_whole(first, last, first, first + conic.Period()) and first != 0
+    """Whether an arc is all of an ellipse, but for at most a millionth of a turn, and no circle."""
+    return not arc.is_circle and arc.end - arc.start > 2 * math.pi * (1 - 1e-6)
 
 
 def conic_spline(arc: EllipseArc) -> BSplineCurve:

@@ -144,10 +144,16 @@ def test_conic_spline_is_the_exact_ellipse():
     x, y, z = geometry.conic_spline(arc).evaluate(np.linspace(0.3, 0.3 + FULL, 50)).T
     assert np.abs(x**2 / 9 + y**2 / 4 - 1).max() < 1e-15 * 10
     assert not z.any()
-    assert geometry.is_full_ellipse(arc)
-    assert not geometry.is_full_ellipse(EllipseArc([0, 0, 0], [3, 0, 0], [0, 2, 0], 0.0, FULL))
-    assert not geometry.is_full_ellipse(EllipseArc([0, 0, 0], [3, 0, 0], [0, 3, 0], 0.3, 0.3 + FULL))
-    assert not geometry.is_full_ellipse(EllipseArc([0, 0, 0], [3, 0, 0], [0, 2, 0], 0.3, FULL))
+
+
+def test_full_ellipses_are_told_from_circles_and_arcs():
+    def full(b, end):
+        return geometry.is_full_ellipse(EllipseArc([0, 0, 0], [3, 0, 0], [0, b, 0], 0.3, end))
+
+    assert full(2, 0.3 + FULL)
+    assert full(2, 0.3 + FULL - 1e-7)
+    assert not full(3, 0.3 + FULL)
+    assert not full(2, FULL)
 
 
 def test_the_whole_curve_is_taken_as_it_is_and_a_part_is_cut_out():
