@@ -14,13 +14,13 @@ from typing import Literal, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gtcad.converters.arcs import certify_arc, curve_of_arc
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
 from gtcad.converters.certificate import Certificate, certify_curve, certify_surface
 from gtcad.converters.exact import IDENTITY, ParameterMap, exact_map
 from gtcad.converters.nearest import PointSet, distances, grid, is_farther
 from gtcad.converters.part import EllipseArc, Part
 from gtcad.errors import InputError
-from gtcad.factors import CurveOfTerms, Stacked, Waves
 from gtcad.protocol import Factors, SeparableCurve, SeparableSurface, Shape
 from gtcad.restricted import RestrictedCurve, RestrictedSurface
 
@@ -205,19 +205,6 @@ def _stretched(x: ArrayLike, knots: Array) -> Array:
     return np.asarray(np.clip(knots[0] * (1 - x) + knots[-1] * x, knots[0], knots[-1]))
 
 
-def _curve_of(arc: EllipseArc) -> CurveOfTerms:
-    waves = Waves(arc.start, arc.end - arc.start)
-    return CurveOfTerms(waves, np.array([arc.center, arc.axis_a, arc.axis_b]))
-
-
-def certify_arc(curve: SeparableCurve, arc: EllipseArc) -> Certificate:
-    """Prove how far an arc of an ellipse is from a curve, at angles that run with the curve's parameter."""
-    other = _curve_of(arc)
-    coefficients = np.concatenate([curve.coefficients, -other.coefficients])
-    difference = CurveOfTerms(Stacked((curve.factors, other.factors)), coefficients)
-    return certify_curve(difference, BSplineCurve(np.zeros((2, 3)), [0.0, 1.0], [2, 2], 1))
-
-
 def _estimated(name: str, shape: Shape, part: Part, tolerance: float, remark: str, suspect: Array | None) -> Row:
     """Nearest-point distances of dense samples, both ways; only from the shape when the face is trimmed.
 
@@ -255,7 +242,7 @@ def _point_set(shape: Shape) -> PointSet:
 def _point_set_of(part: Part) -> PointSet:
     geometry = part.geometry
     if isinstance(geometry, EllipseArc):
-        return _point_set(_curve_of(geometry))
+        return _point_set(curve_of_arc(geometry))
     if isinstance(geometry, BSplineCurve):
         return PointSet.measured(
             1,

@@ -122,7 +122,7 @@ class MappedFactors:
         InputError
             When these factors have no exact form under that map.
         """
-        base, start, end = _whole(factors)
+        base, start, end = whole_factors(factors)
         kinds = _kinds(base)
         if parameter_map.kind not in kinds or (parameter_map.start, parameter_map.end) != (start, end):
             raise InputError(f"no exact form of kind {parameter_map.kind!r} for {factors.key}")
@@ -187,7 +187,7 @@ class MappedFactors:
 
 def exact_map(factors: Factors) -> ParameterMap | None:
     """The parameter map of the simplest exact form of these factors, or None when there is none."""
-    base, start, end = _whole(factors)
+    base, start, end = whole_factors(factors)
     kinds = _kinds(base)
     if not kinds:
         return None
@@ -196,7 +196,7 @@ def exact_map(factors: Factors) -> ParameterMap | None:
 
 def polynomial_form(factors: Factors) -> Array | None:
     """Matrix from coefficients to Bezier poles for factors that are polynomials themselves, else None."""
-    base, start, end = _whole(factors)
+    base, start, end = whole_factors(factors)
     return _restriction(base.count - 1, start, end) if _kinds(base) == ("identity",) else None
 
 
@@ -242,7 +242,7 @@ def _direction(factors: Factors) -> tuple[Array, Array | None, ParameterMap] | N
     return matrix, weights, parameter_map
 
 
-def _whole(factors: Factors) -> tuple[Factors, float, float]:
+def whole_factors(factors: Factors) -> tuple[Factors, float, float]:
     """The factors on their whole domain, and the part of it that is meant."""
     start, end = 0.0, 1.0
     while isinstance(factors, RestrictedFactors):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
@@ -36,25 +36,36 @@ class Fitted:
         The fit, in mm; None when the tolerance cannot be met.
     error
         Why there is no fit; empty when there is one.
+    arc
+        The arc of a circle or an ellipse that the shape is: files hold that, and the fit's deviation is its.
     """
 
     name: str
     fit: Fit[Any, Any] | None
     error: str = ""
+    arc: EllipseArc | None = None
 
     def as_data(self) -> dict[str, Any]:
         """Plain data, for tables and JSON."""
         if self.fit is None:
             return {"name": self.name, "error": self.error}
-        poles, degrees = sizes(self.fit.spline)
+        poles, degrees = sizes(self.arc or self.fit.spline)
         return {
             "name": self.name,
             "poles": poles,
             "degree": degrees,
-            "rational": self.fit.spline.weights is not None,
+            "rational": self.arc is None and self.fit.spline.weights is not None,
             "deviation": list(self.fit.deviation),
             "exact": self.fit.exact,
+            "entity": self.entity,
         }
+
+    @property
+    def entity(self) -> str:
+        """What a file holds of it: "circle", "ellipse" or "b_spline"."""
+        if self.arc is None:
+            return "b_spline"
+        return "circle" if self.arc.is_circle else "ellipse"
 
 
 def fit_shapes(shapes: Mapping[str, Shape], settings: Mapping[str, Any]) -> Iterator[Fitted]:
@@ -72,17 +83,31 @@ def fit_shapes(shapes: Mapping[str, Shape], settings: Mapping[str, Any]) -> Iter
     for name, shape in shapes.items():
         try:
             if isinstance(shape, SeparableCurve):
-                yield Fitted(name, fit_curve(shape, **settings))
+                yield _with_arc(name, shape, fit_curve(shape, **settings))
             else:
                 yield Fitted(name, fit_surface(shape, **settings))
         except (ToleranceNotMet, ToleranceBelowPrecision) as error:
             yield Fitted(name, None, str(error))
 
 
+def _with_arc(name: str, shape: SeparableCurve, fit: Fit[Any, Any]) -> Fitted:
+    """The fit of a curve, as an arc where it is exactly one."""
+    from gtcad.converters.arcs import certify_arc, ellipse_arc
+
+    spatial = shape if shape.dimension == 3 else shape.transformed(np.eye(3, 2))
+    arc = ellipse_arc(spatial) if fit.exact else None
+    if arc is None:
+        return Fitted(name, fit)
+    proved = certify_arc(spatial, arc)
+    return Fitted(name, replace(fit, deviation=(proved.lower, proved.upper)), arc=arc)
+
+
 def parts_of(fits: Sequence[Fitted], colors: Mapping[str, str]) -> list[Part]:
     """The fitted shapes as parts of a file; colours by name, "#rrggbb"."""
     return [
-        Part(item.name, item.fit.spline, color=_rgb(colors.get(item.name))) for item in fits if item.fit is not None
+        Part(item.name, item.arc or item.fit.spline, color=_rgb(colors.get(item.name)))
+        for item in fits
+        if item.fit is not None
     ]
 
 

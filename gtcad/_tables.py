@@ -82,7 +82,10 @@ def export_row(shape: Mapping[str, Any]) -> list[str]:
     if "error" in shape:
         return [shape["name"], "-", "-", "-", "failed"]
     form = "exact" if shape["exact"] else "fitted"
-    return [shape["name"], product(shape["poles"]), product(shape["degree"]), interval(shape["deviation"]), form]
+    if shape["entity"] != "b_spline":
+        form = f"exact {shape['entity']}"
+    poles, degree = (product(shape[key]) or "-" for key in ("poles", "degree"))
+    return [shape["name"], poles, degree, interval(shape["deviation"]), form]
 
 
 def model_row(shape: Mapping[str, Any]) -> list[str]:

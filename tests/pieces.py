@@ -22,9 +22,7 @@ def curves() -> dict[str, Curve]:
 @cache
 def surfaces() -> dict[str, Surface]:
     pieces = json.loads((DATA / "pieces.json").read_text())["surfaces"]
-    return {
-        piece["name"]: Surface(piece["control_points"], piece["gamma_u"], piece["gamma_v"]) for piece in pieces
-    }
+    return {piece["name"]: Surface(piece["control_points"], piece["gamma_u"], piece["gamma_v"]) for piece in pieces}
 
 
 def random_gamma(rng: np.random.Generator) -> tuple[float, float]:

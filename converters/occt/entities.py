@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
@@ -29,6 +30,11 @@ def placeholder(i: int) -> str:
     The kernel breaks long names over lines, within an escape sequence too.
     """
     return f"@{i:09d}@"
+
+
+def with_names(data: bytes, names: Sequence[str]) -> bytes:
+    """The printed file with the names in their places."""
+    return re.sub(rb"@(\d{9})@", lambda match: part21_text(names[int(match[1])]).encode("ascii"), data)
 
 
 def part21_text(text: str) -> str:

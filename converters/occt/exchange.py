@@ -16,12 +16,12 @@ from gtcad.converters.occt.compat import kernel_guard, kernel_module
 from gtcad.converters.occt.document import Document, Item
 from gtcad.converters.occt.entities import (
     finish_step_entity,
-    part21_text,
     placeholder,
     set_global_section,
     set_iges_color,
     set_iges_names,
     set_step_header,
+    with_names,
 )
 from gtcad.converters.occt.geometry import conic_spline, is_full_ellipse
 from gtcad.converters.occt.originals import Spline, iges_originals, protect, restored, step_originals
@@ -86,9 +86,7 @@ def step_bytes(items: Sequence[Item], *, schema: Schema, tolerance: float, times
         set_step_header(model, timestamp)
         sender = _StepData.StepData_StepWriter(model)
         data = _printed(sender, _StepAP214.Protocol_s())
-    for i, item in enumerate(items):
-        data = data.replace(placeholder(i).encode(), part21_text(item.name).encode("ascii"))
-    return data
+    return with_names(data, [item.name for item in items])
 
 
 def _entities(model: Any, done: int) -> Iterator[Any]:
