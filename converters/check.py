@@ -14,12 +14,13 @@ from typing import Literal, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gtcad import measure
 from gtcad.converters.arcs import certify_arc, curve_of_arc
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
 from gtcad.converters.certificate import Certificate, certify_curve, certify_surface
 from gtcad.converters.exact import IDENTITY, ParameterMap, exact_map
 from gtcad.converters.nearest import PointSet, distances, grid, is_farther
-from gtcad.converters.part import EllipseArc, Part
+from gtcad.converters.part import EllipseArc, Part, TrimmedFace
 from gtcad.errors import InputError
 from gtcad.protocol import Factors, SeparableCurve, SeparableSurface, Shape
 from gtcad.restricted import RestrictedCurve, RestrictedSurface
@@ -30,6 +31,7 @@ Verdict = Literal["proved", "estimated", "failed", "missing", "invalid", "undeci
 _SAMPLES = {1: 513, 2: 49}
 _GUESS = {1: 17, 2: 9}
 _SUSPECTS = 3
+_AREA = 1e-5  # relative: what the kernel's area of a face may be off
 
 
 @dataclass(frozen=True)
@@ -124,8 +126,10 @@ def _row(name: str, shape: Shape, part: Part | None, tolerance: float) -> Row:
         return Row(name, "invalid", remark=_joined(remark, "the kernel calls it invalid"))
     if shape.dimension == 2:
         shape = shape.transformed(np.eye(3, 2))
-    if part.trimmed:
-        return _estimated(name, shape, part, tolerance, remark, None)
+    if part.trimmed and isinstance(shape, SeparableSurface):
+        if part.face is None:
+            return Row(name, "undecided", remark=_joined(remark, "trimmed, and nothing is known of its boundary"))
+        return _estimated_trimmed(name, shape, part.face, tolerance, remark)
     certificate, method, suspect = _proof(shape, part)
     if certificate.upper <= tolerance:
         return Row(name, "proved", (certificate.lower, certificate.upper), method, remark)
@@ -205,19 +209,14 @@ def _stretched(x: ArrayLike, knots: Array) -> Array:
     return np.asarray(np.clip(knots[0] * (1 - x) + knots[-1] * x, knots[0], knots[-1]))
 
 
-def _estimated(name: str, shape: Shape, part: Part, tolerance: float, remark: str, suspect: Array | None) -> Row:
-    """Nearest-point distances of dense samples, both ways; only from the shape when the face is trimmed.
+def _estimated(name: str, shape: Shape, part: Part, tolerance: float, remark: str, suspect: Array) -> Row:
+    """Nearest-point distances of dense samples, both ways.
 
     The suspect is a point of the shape that is sampled besides: where the certificate found it worst.
     """
     model, held = _point_set(shape), _point_set_of(part)
     samples = grid(model.variables, _SAMPLES[model.variables])
-    points = model.evaluate(samples)
-    directions = [(points if suspect is None else np.vstack([points, suspect]), held)]
-    if part.trimmed:
-        remark = _joined(remark, "trimmed in the file: distances were taken from the model to the file only")
-    else:
-        directions.append((held.evaluate(samples), model))
+    directions = ((np.vstack([model.evaluate(samples), suspect]), held), (held.evaluate(samples), model))
     worst, verdict = 0.0, "estimated"
     for sources, target in directions:
         found = distances(sources, target)
@@ -227,6 +226,29 @@ def _estimated(name: str, shape: Shape, part: Part, tolerance: float, remark: st
                 verdict = "failed" if is_farther(sources[place], tolerance, target) else "undecided"
     count = sum(len(sources) for sources, _ in directions)
     return Row(name, cast("Verdict", verdict), (worst, worst), f"nearest points of {count} samples", remark)
+
+
+def _estimated_trimmed(name: str, surface: SeparableSurface, face: TrimmedFace, tolerance: float, remark: str) -> Row:
+    """Distances of dense samples of the model from a face that is part of a surface, and a comparison of areas.
+
+    Distances tell what the face lacks; what it has too much would show in its area.
+    """
+    samples = grid(2, _SAMPLES[2])
+    found = float(face.distances(surface.evaluate(samples[:, 0], samples[:, 1])).max())
+    remark = _joined(remark, "trimmed in the file")
+    wanted, allowed = measure.area(surface, rtol=1e-9), 2 * tolerance * _perimeter(surface)
+    verdict: Verdict = "failed" if found > tolerance else "estimated"
+    if verdict == "estimated" and abs(face.area - wanted) > allowed + _AREA * wanted:
+        verdict = "undecided"
+        remark = _joined(remark, f"its area is {face.area:.6g} mm^2, the model's {float(wanted):.6g} mm^2")
+    return Row(name, verdict, (found, found), f"distances of {len(samples)} samples from the face", remark)
+
+
+def _perimeter(surface: SeparableSurface) -> float:
+    """Length of the boundary, as that of polygons."""
+    line = np.linspace(0.0, 1.0, 257)
+    sides = (surface.evaluate(*side) for side in ((line, 0.0), (line, 1.0), (0.0, line), (1.0, line)))
+    return sum(float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()) for points in sides)
 
 
 def _point_set(shape: Shape) -> PointSet:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -84,6 +85,22 @@ class EllipseArc:
         return points
 
 
+@dataclass(frozen=True, eq=False)
+class TrimmedFace:
+    """What is known of a face that is less than all of its surface.
+
+    Attributes
+    ----------
+    distances
+        From points, shape (n, 3), to their distances from the face, shape (n,), in mm: those of the kernel.
+    area
+        In mm^2.
+    """
+
+    distances: Callable[[Array], Array]
+    area: float
+
+
 Geometry = BSplineCurve | BSplineSurface | EllipseArc
 
 
@@ -110,6 +127,8 @@ class Part:
         Read parts: whether the face's normal, or the edge's direction, is opposite to that of `geometry`.
     valid
         Read parts: the verdict of the kernel's BRepCheck.
+    face
+        Read faces that are trimmed: what only the kernel can measure of them.
 
     Raises
     ------
@@ -124,6 +143,7 @@ class Part:
     trimmed: bool = False
     reversed: bool = False
     valid: bool = True
+    face: TrimmedFace | None = None
 
     def __post_init__(self) -> None:
         name: object = self.name

@@ -16,7 +16,6 @@ _TCollection = kernel_module("TCollection")
 _TDataStd = kernel_module("TDataStd")
 _TDF = kernel_module("TDF")
 _TDocStd = kernel_module("TDocStd")
-_TopAbs = kernel_module("TopAbs")
 _TopLoc = kernel_module("TopLoc")
 _XCAFDoc = kernel_module("XCAFDoc")
 
@@ -46,14 +45,10 @@ class Document:
         self.colors = _XCAFDoc.XCAFDoc_DocumentTool.ColorTool_s(self.data.Main())
 
     def add(self, item: Item) -> Any:
-        """The label of a new top-level shape."""
+        """The label of a new top-level shape, with no more of its name than ASCII and without its colour."""
         label = self.shapes.AddShape(item.shape, False)
-        name = item.name.encode("ascii", "ignore").decode().strip() or "part"  # the real one is set later
+        name = item.name.encode("ascii", "ignore").decode().strip() or "part"
         _TDataStd.TDataStd_Name.Set_s(label, _TCollection.TCollection_ExtendedString(name))
-        if item.color is not None:
-            edge = item.shape.ShapeType() == _TopAbs.TopAbs_EDGE
-            kind = _XCAFDoc.XCAFDoc_ColorCurv if edge else _XCAFDoc.XCAFDoc_ColorSurf
-            self.colors.SetColor(label, _Quantity.Quantity_Color(*item.color, _Quantity.Quantity_TOC_sRGB), kind)
         return label
 
     def items(self) -> Iterator[Item]:

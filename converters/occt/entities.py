@@ -9,6 +9,7 @@ from typing import Any
 
 import gtcad
 from gtcad.converters.occt.compat import kernel_module
+from gtcad.converters.occt.originals import protect
 from gtcad.converters.part import Color
 
 _APIHeaderSection = kernel_module("APIHeaderSection")
@@ -24,16 +25,78 @@ def _text(value: str) -> Any:
 # --- STEP -------------------------------------------------------------------------------------------------------------
 
 
-def placeholder(i: int) -> str:
-    """What stands for the name of part i until the file is printed.
+def finish_step_entities(entities: Iterable[Any], colors: Sequence[Color | None], timestamp: datetime) -> list[str]:
+    """Name what carries a name, and keep out what the kernel takes from the clock, the machine and the user.
 
-    The kernel breaks long names over lines, within an escape sequence too.
+    Parameters
+    ----------
+    entities
+        All of a model, in which each part begins with its product.
+    colors
+        Of each part.
+    timestamp
+        Goes into creation dates.
+
+    Returns
+    -------
+    list of str
+        The entities that give the parts their colours, to be added to the printed file.
     """
-    return f"@{i:09d}@"
+    part, number = -1, 0
+    targets: dict[int, tuple[int, bool]] = {}
+    contexts: dict[int, int] = {}
+    for number, entity in enumerate(entities, start=1):
+        kind = type(entity).__name__
+        part += kind == "StepBasic_Product"
+        protect(entity)
+        _finish_step_entity(entity, kind, f"@{part:09d}@", timestamp)
+        if kind in ("StepShape_AdvancedFace", "StepShape_GeometricCurveSet"):
+            targets[part] = number, kind == "StepShape_AdvancedFace"
+        elif kind.endswith("_GeomRepContextAndGlobUnitAssCtxAndGlobUncertaintyAssCtx"):
+            contexts[part] = number
+    styles: list[str] = []
+    for i, color in enumerate(colors):
+        if color is not None:
+            styles += _style(number + len(styles) + 1, *targets[i], contexts[i], color)
+    return styles
+
+
+def _style(first: int, target: int, is_face: bool, context: int, color: Color) -> list[str]:
+    """The entities, numbered from `first`, that colour the target in its context."""
+    if is_face:
+        kinds = [
+            "SURFACE_STYLE_USAGE(.BOTH.,{next})",
+            "SURFACE_SIDE_STYLE('',({next}))",
+            "SURFACE_STYLE_FILL_AREA({next})",
+            "FILL_AREA_STYLE('',({next}))",
+            "FILL_AREA_STYLE_COLOUR('',{next})",
+        ]
+    else:
+        kinds = [
+            "CURVE_STYLE('',{next},POSITIVE_LENGTH_MEASURE(1.0000000000000001E-01),{after})",
+            "DRAUGHTING_PRE_DEFINED_CURVE_FONT('continuous')",
+        ]
+    kinds = [
+        f"MECHANICAL_DESIGN_GEOMETRIC_PRESENTATION_REPRESENTATION('',({{next}}),#{context})",
+        f"STYLED_ITEM('color',({{next}}),#{target})",
+        "PRESENTATION_STYLE_ASSIGNMENT(({next}))",
+        *kinds,
+        f"COLOUR_RGB('',{','.join(f'{value:.16E}' for value in color)})",
+    ]
+    return [f"#{i} = {kind.format(next=f'#{i + 1}', after=f'#{i + 2}')};" for i, kind in enumerate(kinds, start=first)]
+
+
+def with_styles(data: bytes, styles: Sequence[str]) -> bytes:
+    """The printed file with more entities at the end of its data."""
+    head, end, tail = data.rpartition(b"ENDSEC;")
+    return head + "".join(f"{line}\n" for line in styles).encode("ascii") + end + tail
 
 
 def with_names(data: bytes, names: Sequence[str]) -> bytes:
-    """The printed file with the names in their places."""
+    """The printed file with the names in their places.
+
+    They are not there from the beginning because the kernel breaks long ones over lines, within an escape sequence too.
+    """
     return re.sub(rb"@(\d{9})@", lambda match: part21_text(names[int(match[1])]).encode("ascii"), data)
 
 
@@ -52,19 +115,14 @@ def _part21_letter(letter: str, outer: bool) -> str:
     return f"\\X2\\{code:04X}\\X0\\" if code < 65536 else f"\\X4\\{code:08X}\\X0\\"
 
 
-def finish_step_entity(entity: Any, name: str, color: Color | None, timestamp: datetime) -> None:
-    """Name what carries a name, take the colour at full precision, and nothing from the clock, machine and user."""
+def _finish_step_entity(entity: Any, kind: str, name: str, timestamp: datetime) -> None:
     utc = timestamp if timestamp.tzinfo is None else timestamp.astimezone(UTC)
-    match type(entity).__name__:
+    match kind:
         case "StepBasic_Product":
             entity.SetId(_text(name))
             entity.SetName(_text(name))
         case "StepShape_AdvancedFace" | "StepGeom_TrimmedCurve":
             entity.SetName(_text(name))
-        case "StepVisual_ColourRgb" if color is not None:
-            entity.SetRed(color[0])
-            entity.SetGreen(color[1])
-            entity.SetBlue(color[2])
         case "StepBasic_CalendarDate":
             entity.SetYearComponent(utc.year)
             entity.SetMonthComponent(utc.month)

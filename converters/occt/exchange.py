@@ -12,23 +12,24 @@ from pathlib import Path
 from typing import Any, Literal
 
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
-from gtcad.converters.occt.compat import kernel_guard, kernel_module
+from gtcad.converters.occt.compat import LabelSequence, kernel_guard, kernel_module
 from gtcad.converters.occt.document import Document, Item
 from gtcad.converters.occt.entities import (
-    finish_step_entity,
-    placeholder,
+    finish_step_entities,
     set_global_section,
     set_iges_color,
     set_iges_names,
     set_step_header,
     with_names,
+    with_styles,
 )
+from gtcad.converters.occt.faces import area, distances_to
 from gtcad.converters.occt.geometry import conic_spline, is_full_ellipse
 from gtcad.converters.occt.originals import Spline, iges_originals, protect, restored, step_originals
 from gtcad.converters.occt.pieces import edge_geometry, face_geometry, is_periodic_spline, is_valid, pieces
 from gtcad.converters.occt.session import READING_IGES, READING_STEP, quiet, session, writing_iges, writing_step
 from gtcad.converters.occt.topology import TOLERANCE, make_edge, make_face
-from gtcad.converters.part import EllipseArc, Part
+from gtcad.converters.part import EllipseArc, Part, TrimmedFace
 from gtcad.errors import FileError, InputError, KernelError
 
 _BRep = kernel_module("BRep")
@@ -73,20 +74,18 @@ def step_bytes(items: Sequence[Item], *, schema: Schema, tolerance: float, times
         When the kernel refuses to write.
     """
     with session("writing STEP", writing_step(SCHEMAS[schema], tolerance)):
-        writer, document, done = _STEPCAFControl.STEPCAFControl_Writer(), Document(), 0
-        for i, item in enumerate(items):
-            # label by label: in one go the kernel orders the colours by memory address
-            if not writer.Transfer(document.add(item), _STEPControl.STEPControl_AsIs):
-                raise KernelError(f"the kernel cannot write {item.name!r} to STEP")
-            model = writer.ChangeWriter().Model()
-            for entity in _entities(model, done):
-                protect(entity)
-                finish_step_entity(entity, placeholder(i), item.color, timestamp)
-            done = model.NbEntities()
+        writer, document = _STEPCAFControl.STEPCAFControl_Writer(), Document()
+        writer.SetColorMode(False)  # it orders colours by memory address: they are added below
+        labels = LabelSequence()
+        for item in items:
+            labels.Append(document.add(item))
+        if not writer.Transfer(labels, _STEPControl.STEPControl_AsIs):
+            raise KernelError("the kernel cannot write these shapes to STEP")
+        model = writer.ChangeWriter().Model()
+        styles = finish_step_entities(_entities(model, 0), [item.color for item in items], timestamp)
         set_step_header(model, timestamp)
-        sender = _StepData.StepData_StepWriter(model)
-        data = _printed(sender, _StepAP214.Protocol_s())
-    return with_names(data, [item.name for item in items])
+        data = _printed(_StepData.StepData_StepWriter(model), _StepAP214.Protocol_s())
+    return with_names(with_styles(data, styles), [item.name for item in items])
 
 
 def _entities(model: Any, done: int) -> Iterator[Any]:
@@ -374,4 +373,5 @@ def _part(path: str, i: int, item: Item) -> Part:
         trimmed=trimmed,
         reversed=item.shape.Orientation() == _TopAbs.TopAbs_REVERSED,
         valid=valid,
+        face=TrimmedFace(distances_to(item.shape), area(item.shape)) if trimmed else None,
     )
