@@ -69,6 +69,11 @@ def read_brep(path: str | os.PathLike[str]) -> list[Part]:
         When there is no such file, it is damaged or no BREP file, or holds neither faces nor edges.
     KernelError
         When a face or edge has no exact B-spline form.
+
+    Notes
+    -----
+    A file is refused when it ends too early or its tables are incomplete. The kernel hangs on some files in which
+    numbers are missing or wrong inside the tables.
     """
     data = exchange.file_bytes(path)
     reason = _complaint(data)

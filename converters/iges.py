@@ -67,6 +67,12 @@ def read_iges(path: str | os.PathLike[str]) -> list[Part]:
         When there is no such file, it is damaged or no IGES file, or holds neither faces nor edges.
     KernelError
         When a face or edge has no exact B-spline form.
+
+    Notes
+    -----
+    A file is refused when its lines, sections and directory do not agree with each other, or when the kernel cannot
+    read or convert one of its entities. That is not all that can be wrong: the kernel does not survive every file with
+    wrong parameters, and leaves out some entities without a word.
     """
     _check_sections(str(path), exchange.file_bytes(path))
     return exchange.parts_of(str(path), "IGES", lambda: exchange.iges_items(str(path)))

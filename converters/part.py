@@ -45,6 +45,11 @@ class EllipseArc:
     InputError
         When an axis is zero, the axes are not at right angles, or the angles are out of order.
 
+    Notes
+    -----
+    From a file it comes back with its longer axis as `axis_a` and with `start` in [0, 2 pi): the same points, but
+    perhaps other numbers.
+
     Examples
     --------
     >>> EllipseArc([0, 0, 0], [2, 0, 0], [0, 1, 0], 0.0, 3.0).evaluate(0.0)

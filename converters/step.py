@@ -74,6 +74,12 @@ def read_step(path: str | os.PathLike[str]) -> list[Part]:
         When there is no such file, it is damaged or no STEP file, or holds neither faces nor edges.
     KernelError
         When a face or edge has no exact B-spline form.
+
+    Notes
+    -----
+    A file is refused when it ends too early, when the kernel cannot read or convert one of its shapes, or when one of
+    its faces belongs to no product. That is not all that can be wrong: the kernel does not survive every file in which
+    entities refer to wrong ones of the right kind.
     """
     data = exchange.file_bytes(path)
     if b"ISO-10303-21;" not in data[:1000]:

@@ -110,7 +110,7 @@ def test_export_prints_a_row_for_each_shape(fitted: Path, tmp_path: Path) -> Non
     lines = export(fitted, tmp_path / "out.step").stdout.splitlines()
     assert lines[0].split() == ["name", "poles", "degree", "deviation", "in", "mm", "form"]
     assert [line.split()[0] for line in lines[2:]] == ["arch", "quarter"]
-    assert [line.split()[-1] for line in lines[2:]] == ["fitted", "exact"]
+    assert [line.split()[-1] for line in lines[2:]] == ["fitted", "circle"]
     assert max(map(len, lines)) <= 80
 
 
@@ -124,7 +124,7 @@ def test_export_as_json_is_one_document_with_proved_deviations(fitted: Path, tmp
         assert 0 <= lower <= upper <= 1e-4
     arch, quarter = document["shapes"]
     assert (arch["degree"], arch["exact"], arch["rational"]) == ([5], False, False)
-    assert (quarter["degree"], quarter["exact"], quarter["rational"]) == ([2], True, True)
+    assert (quarter["degree"], quarter["exact"], quarter["entity"]) == ([], True, "circle")
 
 
 @pytest.mark.parametrize("name", ["out.step", "out.igs", "out.brep"])
@@ -207,7 +207,7 @@ def test_a_fit_that_stays_beyond_the_tolerance_is_told_and_the_others_are_tried(
     assert not (tmp_path / "out.step").exists()
     assert "Error: shape 'arch': tolerance 0.0001 not met: 0.0003 proved with 4096 spans; that is the" in result.stderr
     rows = [line.split() for line in result.stdout.splitlines()[2:]]
-    assert [(row[0], row[-1]) for row in rows] == [("arch", "failed"), ("quarter", "exact")]
+    assert [(row[0], row[-1]) for row in rows] == [("arch", "failed"), ("quarter", "circle")]
 
 
 def test_lengths_are_scaled_to_millimetres_before_they_are_fitted(tmp_path: Path) -> None:
@@ -217,8 +217,8 @@ def test_lengths_are_scaled_to_millimetres_before_they_are_fitted(tmp_path: Path
     assert document["tolerance"] == 1e-5 * 25.4
     assert document["shapes"][0]["deviation"][1] <= document["tolerance"]
     (part,) = jobs.read_parts(str(tmp_path / "out.step"), "STEP")
-    assert not isinstance(part.geometry, EllipseArc)
-    assert np.allclose(part.geometry.control_points[-1], [0, 127, 0])
+    assert isinstance(part.geometry, EllipseArc)
+    assert np.allclose(part.geometry.evaluate(part.geometry.end), [0, 127, 0])
 
 
 @pytest.mark.parametrize(

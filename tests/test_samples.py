@@ -212,7 +212,9 @@ class Part21:
             if entity.name == "ADVANCED_FACE":
                 yield entity.params[0], 2, self.surface(entity.params[2])
             elif entity.name == "TRIMMED_CURVE":
-                yield entity.params[0], 1, self.curve(entity.params[1])
+                name, basis, *trims = entity.params[:4]
+                is_circle = getattr(getattr(self.data[basis], "entity", None), "name", "") == "CIRCLE"
+                yield name, 1, self.arc(basis, trims) if is_circle else self.curve(basis)
 
     def fields(self, reference: str, kind: str) -> tuple[list[Any], Any]:
         """The fields of a spline without its name, the same for plain and rational ones, and the weights."""
@@ -232,6 +234,20 @@ class Part21:
         poles = homogeneous(np.array([self.point(pole) for pole in poles]), weights)
         spline = BSpline(np.repeat(knots, multiplicities), poles, degree)
         return lambda u, _: projected(spline(u))
+
+    def arc(self, reference: str, trims: list[Any]) -> Map:
+        """A circle between two angles."""
+        _, placement, radius = self.data[reference].entity.params
+        center, axis, across = (
+            np.array(self.data[one].entity.params[1]) for one in self.data[placement].entity.params[1:]
+        )
+        start, end = (trim[1].param for trim in trims)
+
+        def evaluate(u: Array, _: Array) -> Array:
+            angle = (start + (end - start) * np.asarray(u))[..., None]
+            return np.asarray(center + radius * (np.cos(angle) * across + np.sin(angle) * np.cross(axis, across)))
+
+        return evaluate
 
     def surface(self, reference: str) -> Map:
         fields, weights = self.fields(reference, "SURFACE")

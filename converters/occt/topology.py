@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -100,8 +101,8 @@ def make_face(surface: BSplineSurface, *, tolerance: float = TOLERANCE) -> Any:
     Raises
     ------
     InputError
-        When a side is shorter than the tolerance without being a point, two opposite sides nearly meet without
-        being equal, or the knots are too close for the kernel.
+        When a side is shorter than the tolerance without being a point, two opposite sides or two corners nearly meet
+        without being equal, or the knots are too close for the kernel.
     KernelError
         When the kernel's own check refuses the face. It does so at degrees above 17 if the control points are rough,
         because it evaluates in powers of the parameter and loses digits.
@@ -206,6 +207,11 @@ def _corner_vertices(surface: BSplineSurface, tolerance: float) -> dict[tuple[in
     for corner in ((0, 0), (1, 0), (1, 1), (0, 1)):
         position = surface.control_points[-corner[0], -corner[1]]
         place = tuple((position + 0.0).tolist())  # + 0.0: minus zero is the same place
+        gap = min((math.dist(place, other) for other in by_place), default=math.inf)
+        if 0 < gap <= tolerance:
+            raise InputError(
+                f"two corners are {gap:.3g} mm apart, less than the tolerance of {tolerance:.3g} mm: make them equal"
+            )
         if place not in by_place:
             by_place[place] = _vertex(position, tolerance)
         vertices[corner] = by_place[place]

@@ -220,7 +220,7 @@ def test_an_independent_reader_finds_names_colours_unit_and_uncertainty(written)
     assert {e["UNCERTAINTY_MEASURE_WITH_UNIT"][0].param for e in plain.all("UNCERTAINTY_MEASURE_WITH_UNIT")} == {2e-5}
     assert all(str(e["SI_UNIT"][0]) == ".MILLI." for e in plain.all("LENGTH_UNIT"))
     colours = [tuple(e["COLOUR_RGB"][1:]) for e in plain.all("COLOUR_RGB")]
-    assert colours == [part.color for part in parts if part.color is not None and set(part.color) - {0.0, 1.0}]
+    assert colours == [part.color for part in parts if part.color is not None]
     data = written["AP242"].read_bytes()
     assert data.isascii()
     assert b"AP242_MANAGED_MODEL_BASED_3D_ENGINEERING" in data
@@ -280,7 +280,7 @@ def test_bytes_are_the_same_with_both_kernels(tmp_path):
         write_step(tmp_path / "a.step", parts, schema=schema, timestamp=STAMP)
         data = (tmp_path / "a.step").read_bytes().replace(gtcad.__version__.encode(), b"")
         digests.append(hashlib.sha256(data).hexdigest()[:16])
-    assert digests == ["f32d0d3593c1d5d4", "e14817d459775052", "18b732d000c38ca7"]  # from OCCT 7.9.3
+    assert digests == ["81add5f6a3048e30", "c333c011f0bb7226", "bda59ed3aa4ca4af"]  # from OCCT 7.9.3
 
 
 @pytest.mark.parametrize("schema", SCHEMAS)
@@ -454,7 +454,9 @@ def test_an_assembly_gives_its_parts_in_their_places_with_inherited_names_and_co
 
     document = Document()
     solid = kernel_module("BRepPrimAPI").BRepPrimAPI_MakeBox(1.0, 2.0, 3.0).Shape()
-    box = document.add(Item(solid, "box", (0.25, 0.5, 0.75)))
+    box = document.add(Item(solid, "box"))
+    color = kernel_module("Quantity").Quantity_Color(0.25, 0.5, 0.75, kernel_module("Quantity").Quantity_TOC_sRGB)
+    document.colors.SetColor(box, color, kernel_module("XCAFDoc").XCAFDoc_ColorGen)
     faces = kernel_module("TopExp").TopExp_Explorer(solid, kernel_module("TopAbs").TopAbs_FACE)
     red = kernel_module("Quantity").Quantity_Color(1.0, 0.0, 0.0, kernel_module("Quantity").Quantity_TOC_sRGB)
     document.colors.SetColor(

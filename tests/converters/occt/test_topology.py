@@ -114,6 +114,13 @@ def test_a_closed_boundary_that_is_no_seam_starts_and_ends_at_one_vertex():
     assert counts(face) == (4, 3, 0, 0)
 
 
+def test_corners_that_nearly_meet_are_refused():
+    points = np.array(shapes.patch(1).control_points)
+    points[-1, 0] = points[0, 0] + [0, 0, 1e-9]
+    with pytest.raises(InputError, match=r"two corners are 1e-09 mm apart, less than the tolerance of 1e-07 mm"):
+        make_face(replace(shapes.patch(1), control_points=points))
+
+
 def test_minus_zero_is_the_same_place():
     surface = shapes.cylinder()
     points = np.array(surface.control_points)
