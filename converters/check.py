@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, cast
 
 import numpy as np
@@ -117,23 +117,24 @@ def _row(name: str, shape: Shape, part: Part | None, tolerance: float) -> Row:
     if part is None:
         return Row(name, "missing")
     if isinstance(shape, SeparableCurve) != _is_curve(part):
-        wanted, found = ("edge", "face") if isinstance(shape, SeparableCurve) else ("face", "edge")
-        return Row(
-            name, "missing", remark=f"the file holds a {found} of this name, not an {wanted}".replace("an f", "a f")
-        )
-    remark = "" if part.name == name else "matched by position"
-    if not part.valid:
-        return Row(name, "invalid", remark=_joined(remark, "the kernel calls it invalid"))
-    if shape.dimension == 2:
-        shape = shape.transformed(np.eye(3, 2))
+        found, wanted = ("an edge", "a face") if _is_curve(part) else ("a face", "an edge")
+        return Row(name, "missing", remark=f"the file holds {found} of this name, not {wanted}")
+    if part.valid:
+        row = _compared(name, shape if shape.dimension == 3 else shape.transformed(np.eye(3, 2)), part, tolerance)
+    else:
+        row = Row(name, "invalid", remark="the kernel calls it invalid")
+    return row if part.name == name else replace(row, remark=_joined("matched by position", row.remark))
+
+
+def _compared(name: str, shape: Shape, part: Part, tolerance: float) -> Row:
     if part.trimmed and isinstance(shape, SeparableSurface):
         if part.face is None:
-            return Row(name, "undecided", remark=_joined(remark, "trimmed, and nothing is known of its boundary"))
-        return _estimated_trimmed(name, shape, part.face, tolerance, remark)
+            return Row(name, "undecided", remark="trimmed, and nothing is known of its boundary")
+        return _estimated_trimmed(name, shape, part.face, tolerance)
     certificate, method, suspect = _proof(shape, part)
     if certificate.upper <= tolerance:
-        return Row(name, "proved", (certificate.lower, certificate.upper), method, remark)
-    return _estimated(name, shape, part, tolerance, remark, suspect)
+        return Row(name, "proved", (certificate.lower, certificate.upper), method)
+    return _estimated(name, shape, part, tolerance, suspect)
 
 
 def _joined(*remarks: str) -> str:
@@ -209,7 +210,7 @@ def _stretched(x: ArrayLike, knots: Array) -> Array:
     return np.asarray(np.clip(knots[0] * (1 - x) + knots[-1] * x, knots[0], knots[-1]))
 
 
-def _estimated(name: str, shape: Shape, part: Part, tolerance: float, remark: str, suspect: Array) -> Row:
+def _estimated(name: str, shape: Shape, part: Part, tolerance: float, suspect: Array) -> Row:
     """Nearest-point distances of dense samples, both ways.
 
     The suspect is a point of the shape that is sampled besides: where the certificate found it worst.
@@ -225,17 +226,17 @@ def _estimated(name: str, shape: Shape, part: Part, tolerance: float, remark: st
             if found[place] > tolerance and verdict != "failed":
                 verdict = "failed" if is_farther(sources[place], tolerance, target) else "undecided"
     count = sum(len(sources) for sources, _ in directions)
-    return Row(name, cast("Verdict", verdict), (worst, worst), f"nearest points of {count} samples", remark)
+    return Row(name, cast("Verdict", verdict), (worst, worst), f"nearest points of {count} samples")
 
 
-def _estimated_trimmed(name: str, surface: SeparableSurface, face: TrimmedFace, tolerance: float, remark: str) -> Row:
+def _estimated_trimmed(name: str, surface: SeparableSurface, face: TrimmedFace, tolerance: float) -> Row:
     """Distances of dense samples of the model from a face that is part of a surface, and a comparison of areas.
 
     Distances tell what the face lacks; what it has too much would show in its area.
     """
     samples = grid(2, _SAMPLES[2])
     found = float(face.distances(surface.evaluate(samples[:, 0], samples[:, 1])).max())
-    remark = _joined(remark, "trimmed in the file")
+    remark = "trimmed in the file"
     wanted, allowed = measure.area(surface, rtol=1e-9), 2 * tolerance * _perimeter(surface)
     verdict: Verdict = "failed" if found > tolerance else "estimated"
     if verdict == "estimated" and abs(face.area - wanted) > allowed + _AREA * wanted:

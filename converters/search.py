@@ -26,6 +26,7 @@ PairProof = Callable[[Approximation, Approximation], Proved | None]
 
 _ADAPTATION_GAIN = 12.0  # adapted knots have not been seen to divide the error of equidistributed ones by more
 _DEGREES_TRIED = 2
+_CHOICES = 10  # numbers of poles of one direction that are paired with those of the other
 
 
 class Side:
@@ -229,7 +230,9 @@ def fewest_pair(
     """The proof's result for the tensor product of two approximations with the fewest poles that passes, or None."""
 
     def passing(a: Approximation | None, b: Approximation | None) -> tuple[_Pair, Proved] | None:
-        if a is None or b is None or _combined(a, b, coefficients) > goal:
+        if a is None or b is None:
+            return None
+        if a.error + b.error > goal and _combined(a, b, coefficients) > goal:
             return None
         result = proof(a, b)
         return None if result is None else ((a, b), result)
@@ -281,7 +284,7 @@ def _choices(side: Side, goal: float, source: _Source) -> Iterator[Approximation
         if one is None or one.error > goal:
             break
         poles -= step
-    for _ in range(12):
+    for _ in range(_CHOICES):
         one = source(side, poles)
         if one is not None and one.error <= goal:
             yield one
