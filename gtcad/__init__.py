@@ -14,13 +14,16 @@ if TYPE_CHECKING:
     from gtcad.basis import GT as GT
     from gtcad.basis import Basis as Basis
     from gtcad.basis import Family as Family
+    from gtcad.composite import Composite as Composite
     from gtcad.curve import Curve as Curve
     from gtcad.errors import GtcadError as GtcadError
+    from gtcad.model import Model as Model
     from gtcad.model import dump_model as dump_model
     from gtcad.model import load_model as load_model
     from gtcad.restricted import Restricted as Restricted
     from gtcad.surface import Surface as Surface
 
+    from . import continuity as continuity
     from . import converters as converters
     from . import differential as differential
     from . import measure as measure
@@ -33,11 +36,14 @@ __getattr__, __dir__, __all__ = lazy_names(
         "BERNSTEIN": "basis",
         "GT": "basis",
         "Basis": "basis",
+        "Composite": "composite",
         "Curve": "curve",
         "Family": "basis",
         "GtcadError": "errors",
+        "Model": "model",
         "Restricted": "restricted",
         "Surface": "surface",
+        "continuity": "continuity",
         "converters": "converters",
         "differential": "differential",
         "dump_model": "model",
