@@ -9,14 +9,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gtcad.basis import checked_order, is_whole
 from gtcad.errors import InputError
 
 Array = NDArray[np.float64]
 MAX_DEGREE = 25  # OCCT's limit
 
 
+def _numbers(name: str, value: ArrayLike) -> Array:
+    """A new array of floats."""
+    try:
+        return np.array(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} must be numbers: {error}") from None
+
+
 def _points(name: str, value: ArrayLike, ndim: int) -> Array:
-    points = np.array(value, dtype=np.float64)
+    points = _numbers(name, value)
     if points.ndim != ndim or points.shape[-1] not in (2, 3):
         wanted = "(n, d)" if ndim == 2 else "(nu, nv, d)"
         raise InputError(f"{name} must have shape {wanted} with d = 2 or 3, got {points.shape}")
@@ -29,7 +38,7 @@ def _points(name: str, value: ArrayLike, ndim: int) -> Array:
 def _weights(value: ArrayLike | None, shape: tuple[int, ...]) -> Array | None:
     if value is None:
         return None
-    weights = np.array(value, dtype=np.float64)
+    weights = _numbers("weights", value)
     if weights.shape != shape:
         raise InputError(f"weights must have shape {shape}, got {weights.shape}")
     if not (np.isfinite(weights).all() and (weights > 0).all()):
@@ -41,7 +50,11 @@ def _weights(value: ArrayLike | None, shape: tuple[int, ...]) -> Array | None:
 def _knots(
     name: str, knots: ArrayLike, multiplicities: Sequence[int] | NDArray[np.int_], degree: int, count: int
 ) -> tuple[Array, tuple[int, ...]]:
-    values = np.array(knots, dtype=np.float64)
+    values = _numbers(name, knots)
+    if not is_whole(degree) or not 1 <= degree <= MAX_DEGREE:
+        raise InputError(f"degree must be a whole number in [1, {MAX_DEGREE}], got {degree}")
+    if not all(is_whole(m) for m in multiplicities):
+        raise InputError(f"multiplicities of {name} must be whole numbers, got {list(multiplicities)}")
     counts = tuple(int(m) for m in multiplicities)
     if values.ndim != 1 or len(values) < 2 or len(values) != len(counts):
         raise InputError(
@@ -49,8 +62,6 @@ def _knots(
         )
     if not np.isfinite(values).all() or (np.diff(values) <= 0).any():
         raise InputError(f"{name} must be finite and strictly increasing, got {values.tolist()}")
-    if not 1 <= degree <= MAX_DEGREE:
-        raise InputError(f"degree must lie in [1, {MAX_DEGREE}], got {degree}")
     if counts[0] != degree + 1 or counts[-1] != degree + 1:
         raise InputError(f"{name} must be clamped: end multiplicities {degree + 1}, got {counts[0]} and {counts[-1]}")
     if any(not 1 <= m <= degree for m in counts[1:-1]):
@@ -147,6 +158,7 @@ class BSplineCurve:
         """Derivatives of the order with respect to the spline's own parameter, 0 the point: shape t.shape + (d,)."""
         from scipy.interpolate import BSpline
 
+        order = checked_order("order", order)
         spline = BSpline(self.flat_knots, self.homogeneous, self.degree)
         t = np.asarray(t, dtype=np.float64)
         values = [np.asarray(spline(t, k)) for k in range(order + 1)]

@@ -335,8 +335,8 @@ def test_copies_are_read_only_too(copied):
         ((np.zeros((6, 2)), [0, 0.5, 1], [3, 3, 3], 2), r"interior multiplicities must lie in \[1, 2\], got \(3,\)"),
         ((POLYGON, [0, 0.5, 1], [3, 0, 3], 2), r"interior multiplicities must lie in \[1, 2\], got \(0,\)"),
         ((POLYGON, [0, 0.5, 1], [3, 1, 3], 2), r"add up to poles \+ degree \+ 1 = 6, got 7"),
-        (([[0, 0]], [0, 1], [1, 1], 0), r"degree must lie in \[1, 25\], got 0"),
-        ((np.zeros((27, 2)), [0, 1], [27, 27], 26), r"degree must lie in \[1, 25\], got 26"),
+        (([[0, 0]], [0, 1], [1, 1], 0), r"degree must be a whole number in \[1, 25\], got 0"),
+        ((np.zeros((27, 2)), [0, 1], [27, 27], 26), r"degree must be a whole number in \[1, 25\], got 26"),
         ((POLYGON, [0, 1], [3, 3], 2.5), "degree"),
         ((POLYGON, [0, 1], [3, 3], "2"), "degree"),
     ],
@@ -358,7 +358,7 @@ def test_curves_refuse(arguments, message):
         ({"multiplicities_u": [2, 4]}, "knots_u must be clamped"),
         ({"multiplicities_v": [2, 4]}, "knots_v must be clamped"),
         ({"degree_u": 1, "multiplicities_u": [2, 2]}, "knots_u: multiplicities must add up"),
-        ({"degree_v": 26}, r"degree must lie in \[1, 25\], got 26"),
+        ({"degree_v": 26}, r"degree must be a whole number in \[1, 25\], got 26"),
     ],
 )
 def test_surfaces_refuse(change, message):
