@@ -160,9 +160,15 @@ def _end_poles(factors: Factors, knots: Knots, end_order: int) -> tuple[Array, A
     ends = np.array([0.0, 1.0])
     wanted = np.stack([factors.rows(ends, k) for k in range(end_order + 1)])  # (order, count, end)
     start, end = end_derivatives(knots, end_order)
-    first = np.linalg.solve(start, wanted[:, :, 0])
-    last = np.linalg.solve(end, wanted[:, :, 1])
-    return np.asarray(first), np.asarray(last)[::-1]
+    return _substituted(start, wanted[:, :, 0]), _substituted(end, wanted[:, :, 1])[::-1]
+
+
+def _substituted(triangle: Array, right: Array) -> Array:
+    """Forward substitution: the end poles of a spline are the end points of the shape to the last digit."""
+    solution = np.empty_like(right)
+    for k, row in enumerate(right):
+        solution[k] = (row - triangle[k, :k] @ solution[:k]) / triangle[k, k]
+    return solution
 
 
 def approximate(
