@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
 from gtcad.converters.part import EllipseArc, Part
-from gtcad.errors import ToleranceBelowPrecision, ToleranceNotMet
+from gtcad.errors import InputError, ModelError, ToleranceBelowPrecision, ToleranceNotMet
 from gtcad.model import Model
-from gtcad.protocol import SeparableCurve, Shape
+from gtcad.protocol import SeparableCurve, SeparableSurface, Shape
 from gtcad.restricted import RestrictedCurve, RestrictedSurface
 
 if TYPE_CHECKING:
@@ -138,6 +138,46 @@ def write_parts(
         from gtcad.converters.brep import write_brep
 
         write_brep(path, parts)
+
+
+def export_mesh(model: Model, path: str, output: str, tolerance: float) -> tuple[list[dict[str, Any]], list[str]]:
+    """Write the triangles of the model's surfaces; plain data of each, and the names of the curves, left out.
+
+    The tolerance, in mm, and the deviations include what the rounding of the file's numbers adds.
+
+    Raises
+    ------
+    ModelError
+        When the model has no surfaces, or one that has no area.
+    """
+    from gtcad.converters.mesh import file_rounding, mesh_surfaces, write_mesh
+
+    shapes = model.in_millimetres()
+    surfaces = {name: shape for name, shape in shapes.items() if isinstance(shape, SeparableSurface)}
+    if not surfaces:
+        raise ModelError(path, [f"a mesh needs surfaces, and there are only curves: {', '.join(map(repr, shapes))}"])
+    rounding = max(file_rounding(output, surface) for surface in surfaces.values())
+    if tolerance < 2 * rounding:
+        raise ToleranceBelowPrecision(tolerance, 2 * rounding)
+    try:
+        meshes = mesh_surfaces(surfaces, tolerance=tolerance - rounding)
+    except InputError as error:
+        raise ModelError(path, [str(error)]) from error
+    except ToleranceNotMet as error:
+        raise ToleranceNotMet(tolerance, error.achieved + rounding, error.spans, error.limit) from error
+    except ToleranceBelowPrecision as error:
+        raise ToleranceBelowPrecision(tolerance, error.floor + rounding) from error
+    write_mesh(output, meshes, colors=model.colors)
+    rows = [
+        {
+            "name": name,
+            "vertices": len(mesh.vertices),
+            "triangles": len(mesh.triangles),
+            "deviation": mesh.deviation + file_rounding(output, mesh),
+        }
+        for name, mesh in meshes.items()
+    ]
+    return rows, [name for name in shapes if name not in surfaces]
 
 
 def read_parts(path: str, form: str) -> list[Part]:

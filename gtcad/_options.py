@@ -11,9 +11,19 @@ from typing import Literal
 from gtcad._documents import SUFFIXES
 
 FORMATS = {".step": "STEP", ".stp": "STEP", ".igs": "IGES", ".iges": "IGES", ".brep": "BREP"}
+MESHES = {".stl": "STL", ".glb": "GLB", ".3mf": "3MF"}
 Schema = Literal["AP242", "AP214", "AP203"]
 SCHEMAS: tuple[Schema, ...] = ("AP242", "AP214", "AP203")
 MILLIMETRES = {"": 1.0, "mm": 1.0, "um": 1e-3, "nm": 1e-6, "cm": 10.0, "m": 1e3, "in": 25.4, "ft": 304.8}
+FOR_SPLINES = {
+    "degree": "--degree",
+    "max_degree": "--max-degree",
+    "continuity": "--continuity",
+    "end_order": "--end-order",
+    "no_exact": "--no-exact",
+    "schema": "--schema",
+    "timestamp": "--timestamp",
+}
 DEGREES = (3, 25)
 END_ORDERS = (0, 3)
 
@@ -83,6 +93,16 @@ def exchange_format(path: str) -> str:
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:
         raise Refused(f"must end in one of {', '.join(FORMATS)}, got {path!r}")
+    return FORMATS[suffix]
+
+
+def export_format(path: str) -> str:
+    """STEP, IGES, BREP, or STL, GLB and 3MF for meshes, by the suffix of the file's name."""
+    suffix = Path(path).suffix.lower()
+    if suffix in MESHES:
+        return MESHES[suffix]
+    if suffix not in FORMATS:
+        raise Refused(f"must end in one of {', '.join((*FORMATS, *MESHES))}, got {path!r}")
     return FORMATS[suffix]
 
 

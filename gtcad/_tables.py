@@ -8,10 +8,14 @@ import json
 import math
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gtcad.converters.doctor import Diagnosis
 
 NAME = "name"  # the column that gives way when a table gets too wide
 LEAST_NAME = 12
+MESH_COLUMNS = (NAME, "vertices", "triangles", "deviation in mm")
 
 
 def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
@@ -50,6 +54,23 @@ def print_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     console.print(table)
 
 
+def print_diagnosis(diagnosis: Diagnosis) -> None:
+    """Print the versions, what is wrong, and the commands that repair it."""
+    rows = [[name, version or "not installed"] for name, version in diagnosis.versions.items()]
+    kernel = diagnosis.kernel
+    print_table(("name", "version"), [*rows, ["OCCT", (kernel.version if kernel else None) or "-"]])
+    for problem in diagnosis.problems:
+        print(f"\nproblem: {problem}")
+    if diagnosis.problems:
+        print("\nto repair it, run:")
+    elif kernel is None:
+        print("\nno CAD kernel: shapes, fits and proofs work, exchange files do not; to get a kernel, run:")
+    else:
+        print("\nthe kernel works: it made and checked a face")
+    for command in diagnosis.repair:
+        print(f"    {command}")
+
+
 def printable(text: str) -> str:
     """The text with everything that could command a terminal written out."""
     return text if text.isprintable() else repr(text)[1:-1]
@@ -86,6 +107,12 @@ def export_row(shape: Mapping[str, Any]) -> list[str]:
         form = f"exact {shape['entity']}"
     poles, degree = (product(shape[key]) or "-" for key in ("poles", "degree"))
     return [shape["name"], poles, degree, interval(shape["deviation"]), form]
+
+
+def mesh_row(shape: Mapping[str, Any]) -> list[str]:
+    """Name, vertices, triangles and proved deviation of a meshed surface, rounded up."""
+    deviation = _rounded(shape["deviation"], decimal.ROUND_CEILING)
+    return [shape["name"], str(shape["vertices"]), str(shape["triangles"]), deviation]
 
 
 def model_row(shape: Mapping[str, Any]) -> list[str]:

@@ -27,7 +27,6 @@ from gtcad import errors
 if TYPE_CHECKING:
     from gtcad.converters.check import Report
     from gtcad.converters.check import Row as ReportRow
-    from gtcad.converters.doctor import Diagnosis
 
 Value = TypeVar("Value")
 
@@ -59,7 +58,7 @@ _CODES: tuple[tuple[type[BaseException] | tuple[type[BaseException], ...], Code]
     (KeyboardInterrupt, Code.INTERRUPTED),
     (BrokenPipeError, Code.PIPE),
     ((errors.ToleranceNotMet, errors.ToleranceBelowPrecision), Code.FAILED),
-    ((errors.KernelError, errors.KernelMissing), Code.KERNEL),
+    ((errors.KernelError, errors.KernelMissing, errors.ExtraMissing), Code.KERNEL),
     ((errors.ModelError, errors.InputError, OSError), Code.FILE),
 )
 _debug = False
@@ -70,7 +69,8 @@ ToleranceOption = Annotated[
     str, typer.Option("--tolerance", metavar="LENGTH", help="In mm, or with a unit: 1e-4, 1e-5in, 0.1um.")
 ]
 OutputOption = Annotated[
-    str, typer.Option("--output", "-o", metavar="OUT", help="The .step, .stp, .igs, .iges or .brep file.")
+    str,
+    typer.Option("--output", "-o", metavar="OUT", help="A .step, .stp, .igs, .iges, .brep, .stl, .glb, .3mf file."),
 ]
 DegreeOption = Annotated[str, typer.Option("--degree", metavar="P", help="Degree of the splines, 3 to 25, or auto.")]
 MaxDegreeOption = Annotated[
@@ -173,6 +173,7 @@ def top(
 @app.command(short_help="Fit a model within a tolerance and write a CAD file.")
 @_guarded
 def export(
+    context: typer.Context,
     model: ModelArgument,
     *,
     output: OutputOption,
@@ -186,16 +187,18 @@ def export(
     timestamp: TimestampOption = "",
     as_json: JsonOption = False,
 ) -> None:
-    """Fit every shape of a MODEL within the tolerance, prove it, and write the splines to OUT."""
+    """Fit every shape of a MODEL within the tolerance, prove it, and write the splines, or triangles, to OUT."""
     _option("MODEL", options.model_path, model)
-    form = _option("--output", options.exchange_format, output)
+    form = _option("--output", options.export_format, output)
+    if form in options.MESHES.values():
+        _export_mesh(context, model, output, tolerance, as_json=as_json)
+        return
     settings = _fit_settings(tolerance, degree, max_degree, continuity, end_order, exact=not no_exact)
     if schema and form != "STEP":
         raise typer.BadParameter(f"is for STEP files, not {form}", param_hint="'--schema'")
     chosen = _option("--schema", options.schema, schema or "AP242")
     moment = _option("--timestamp", options.timestamp, timestamp) if timestamp else None
-    _check_target(model, output)
-    _check_folder(output)
+    _check_output(model, output)
 
     from gtcad.converters import jobs
     from gtcad.model import load_model
@@ -212,9 +215,7 @@ def export(
         parts = jobs.parts_of(fits, content.colors)
         try:
             jobs.write_parts(output, form, parts, tolerance=settings["tolerance"], schema=chosen, timestamp=moment)
-        except (
-            errors.InputError
-        ) as error:  # a shape that is fine for us, but too small or too degenerate for the kernel
+        except errors.InputError as error:  # too small or too degenerate for the kernel, not for us
             raise errors.ModelError(model, [str(error)]) from error
     rows = [fitted.as_data() for fitted in fits]
     if as_json:
@@ -228,6 +229,27 @@ def export(
     if failures:
         tables.message(f"Error: {output} is not written")
         raise typer.Exit(int(Code.FAILED))
+
+
+def _export_mesh(context: typer.Context, model: str, output: str, tolerance: str, *, as_json: bool) -> None:
+    """Write the triangles of the model's surfaces."""
+    for name, option in options.FOR_SPLINES.items():
+        source = context.get_parameter_source(name)
+        if source is not None and source.name != "DEFAULT":
+            raise typer.BadParameter("is for splines, not for triangles", param_hint=f"'{option}'")
+    allowed = _option("--tolerance", options.length, tolerance)
+    _check_output(model, output)
+
+    from gtcad.converters import jobs
+    from gtcad.model import load_model
+
+    rows, left_out = jobs.export_mesh(load_model(model), model, output, allowed)
+    if as_json:
+        _print_json(model=model, output=output, written=True, tolerance=allowed, shapes=rows, left_out=left_out)
+    else:
+        tables.print_table(tables.MESH_COLUMNS, [tables.mesh_row(row) for row in rows])
+    for name in left_out:
+        tables.message(f"Warning: {output} has no curves: {name!r} is left out")
 
 
 def _fit_settings(
@@ -253,13 +275,10 @@ def _fit_settings(
     return settings
 
 
-def _check_target(model: str, output: str) -> None:
+def _check_output(model: str, output: str) -> None:
     with contextlib.suppress(OSError, ValueError):
         if os.path.samefile(model, output):
             raise typer.BadParameter(f"is the model itself: {output!r}", param_hint="'--output'")
-
-
-def _check_folder(output: str) -> None:
     folder = os.path.dirname(output) or "."
     if not os.path.isdir(folder):
         raise errors.FileError(output, f"cannot be written: there is no folder {folder!r}")
@@ -368,25 +387,9 @@ def doctor(as_json: JsonOption = False) -> None:
     if as_json:
         _print_json(**diagnosis.as_data())
     else:
-        _print_diagnosis(diagnosis)
+        tables.print_diagnosis(diagnosis)
     if diagnosis.problems:
         raise typer.Exit(int(Code.KERNEL))
-
-
-def _print_diagnosis(diagnosis: Diagnosis) -> None:
-    rows = [[name, version or "not installed"] for name, version in diagnosis.versions.items()]
-    kernel = diagnosis.kernel
-    tables.print_table(("name", "version"), [*rows, ["OCCT", (kernel.version if kernel else None) or "-"]])
-    for problem in diagnosis.problems:
-        print(f"\nproblem: {problem}")
-    if diagnosis.problems:
-        print("\nto repair it, run:")
-    elif kernel is None:
-        print("\nno CAD kernel: shapes, fits and proofs work, exchange files do not; to get a kernel, run:")
-    else:
-        print("\nthe kernel works: it made and checked a face")
-    for command in diagnosis.repair:
-        print(f"    {command}")
 
 
 def _print_json(**content: Any) -> None:

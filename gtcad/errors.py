@@ -109,6 +109,10 @@ class KernelMissing(GtcadError, ImportError):
     """No usable CAD kernel is installed; the message says how to get one."""
 
 
+class ExtraMissing(GtcadError, ImportError):
+    """A package that only some users need is not installed; the message says how to get it."""
+
+
 class SingularJoin(GtcadError, ArithmeticError):
     """A join does not determine the control points, or so badly that no digit is left.
 

@@ -183,7 +183,11 @@ GROUPS: dict[str, list[Case]] = {
             "a schema for IGES", "export", "model.json", "-o", "a.igs", "--tolerance", "1", "--schema", "AP203"
         ),
         wrong_option("a time in words", *EXPORT, "--timestamp", "yesterday"),
-        wrong_option("an unknown suffix to write", "export", "model.json", "-o", "out.stl", "--tolerance", "1e-4"),
+        wrong_option("an unknown suffix to write", "export", "model.json", "-o", "out.obj", "--tolerance", "1e-4"),
+        wrong_option(
+            "a degree for triangles", "export", "model.json", "-o", "a.stl", "--tolerance", "1", "--degree", "5"
+        ),
+        wrong_option("a mesh to look into", "info", "a.stl"),
         wrong_option("no suffix to write", "export", "model.json", "-o", "out", "--tolerance", "1e-4"),
         wrong_option("the model as the file to write", "export", "model.json", "-o", "model.json", "--tolerance", "1"),
         wrong_option("a STEP file as the model", "export", "in.step", "-o", "out.step", "--tolerance", "1e-4"),
@@ -207,6 +211,7 @@ GROUPS: dict[str, list[Case]] = {
             3,
             model(SURFACE | {"control_points": [[[i, i * i, 0]] * 3 for i in range(3)]}),
         ),
+        Case("triangles of curves", ["export", "model.json", "-o", "a.stl", "--tolerance", "1"], 3, model(CURVE)),
         Case("a tolerance below double precision", [*EXPORT[:-1], "1e-18"], 1, model(SURFACE)),
         Case(
             "a tolerance below double precision for one shape of two",

@@ -8,6 +8,7 @@ import pytest
 
 from gtcad import errors
 from gtcad.errors import (
+    ExtraMissing,
     FileError,
     GtcadError,
     InputError,
@@ -53,6 +54,7 @@ INSTANCES: list[tuple[GtcadError, type[Exception], dict[str, object], str]] = [
     ),
     (KernelError("the kernel refused the face"), RuntimeError, {}, "the kernel refused the face"),
     (KernelMissing("install gtcad[cadquery]"), ImportError, {}, "install gtcad[cadquery]"),
+    (ExtraMissing("install gtcad[mesh]"), ImportError, {}, "install gtcad[mesh]"),
 ]
 by_name = pytest.mark.parametrize(
     ("error", "builtin", "numbers", "message"), INSTANCES, ids=[type(i[0]).__name__ for i in INSTANCES]

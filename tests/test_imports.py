@@ -63,6 +63,8 @@ ORDER = [
     "gtcad.converters.step",
     "gtcad.converters.iges",
     "gtcad.converters.brep",
+    "gtcad.converters.triangles",
+    "gtcad.converters.welding",
     "gtcad.converters.mesh",
     "gtcad.converters.flat",
     "gtcad.converters.build123d",

@@ -11,9 +11,16 @@ from pathlib import Path
 import numpy
 import scipy
 
-from tests.benchmarks import evaluation, fitting
+from tests.benchmarks import comparison, evaluation, fitting, growth, patches
 
-PARTS = {"evaluation": evaluation.run, "fitting": fitting.run}
+PARTS = {
+    "evaluation": evaluation.run,
+    "fitting": fitting.run,
+    "curves": comparison.run,
+    "limit": comparison.run_limit,
+    "patches": patches.run,
+    "growth": growth.run,
+}
 
 
 def main() -> None:

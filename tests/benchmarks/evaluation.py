@@ -61,10 +61,16 @@ def _start() -> str:
 
     numpy = command("-c", "import numpy")
     rows = []
-    for name, own in (
-        ("import gtcad", command("-c", "import gtcad")),
-        ("gtcad --help", command("-m", "gtcad", "--help")),
+    for name, own, repeats in (
+        ("import gtcad", command("-c", "import gtcad"), 11),
+        ("gtcad --help", command("-m", "gtcad", "--help"), 11),
+        ("import gtcad.converters", command("-c", "from gtcad.converters import fit_curve"), 5),
+        ("import splipy", command("-c", "import splipy"), 5),
+        ("import geomdl.fitting", command("-c", "import geomdl.fitting"), 5),
+        ("import OCP", command("-c", "import OCP"), 3),
+        ("import build123d", command("-c", "import build123d"), 3),
+        ("import cadquery", command("-c", "import cadquery"), 3),
     ):
-        other_time, own_time, ratio = paired(numpy, own, repeats=11)  # type: ignore[arg-type]
+        other_time, own_time, ratio = paired(numpy, own, repeats=repeats)  # type: ignore[arg-type]
         rows.append([name, f"{1e3 * own_time:.0f}", f"{1e3 * other_time:.0f}", f"{ratio:.2f}"])
     return table(["what", "ms", 'python -c "import numpy", ms', "ratio"], rows)

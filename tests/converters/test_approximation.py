@@ -148,12 +148,22 @@ def test_splines_that_are_there_are_found(degree):
 
 
 @pytest.mark.parametrize("name", ["A2p", "B3p", "C3s", "D5s", "E8p"])
-@pytest.mark.parametrize("spans", [1, 3, 8])
+@pytest.mark.parametrize("spans", [2, 3, 8])
 def test_the_iteration_lowers_the_error_of_least_squares(name, spans):
     bundle = curve_bundle(pieces.curves()[name])
     knots = Knots.smooth(equidistributed(bundle, 5, spans), 5)
     plain, refined = (dense_error(approximate(bundle, knots, steps=steps), bundle) for steps in (0, 16))
     assert refined < 0.95 * plain
+
+
+@pytest.mark.parametrize("name", ["A2p", "B3p", "C3s", "D5s", "E8p"])
+def test_the_iteration_never_raises_the_error_on_the_samples(name):
+    bundle = curve_bundle(pieces.curves()[name])
+    for degree in (3, 5, 9):
+        for end_order in range(4):
+            knots = uneven(5, degree, seed=degree)
+            errors = [approximate(bundle, knots, end_order, steps=steps).error for steps in (0, 2, 8, 32)]
+            assert errors == sorted(errors, reverse=True)
 
 
 @pytest.mark.parametrize("degree", [3, 4, 5, 7])
@@ -168,7 +178,7 @@ def test_the_minimax_polynomial_with_fixed_ends(degree):
     one = approximate(bundle, Knots.smooth((0.0, 1.0), degree), steps=40)
     error = dense_error(one, bundle)
     assert best * (1 - 1e-6) <= error <= 1.06 * best
-    assert one.error == pytest.approx(error, rel=0.02)
+    assert 0.9 * error <= one.error <= error * (1 + 1e-6)
 
 
 def test_the_error_on_the_samples_is_the_error():
@@ -232,10 +242,12 @@ def minimax_error(function, flat, degree, t):
     return linprog(cost, matrix, right, bounds=[(None, None)] * inner.shape[1] + [(0, None)]).fun
 
 
-@pytest.mark.parametrize("factors", [Basis(6, (0.9, -0.7)), Basis(4, (-0.5, 1.0)), Waves(0.1, 7.0)], ids=str)
-def test_adapted_knots_are_nearly_the_best_that_there_are(factors):
-    """Two free knots of a cubic, a linear program for each pair of them, a simplex search over the pairs."""
-    degree, spans = 3, 3
+@pytest.mark.parametrize(("degree", "spans"), [(3, 3), (4, 3), (5, 3), (3, 4)])
+@pytest.mark.parametrize(
+    "factors", [Basis(6, (0.9, -0.7)), Basis(4, (-0.5, 1.0)), Basis(3, (-0.6, 0.4)), Waves(0.3, 3.0)], ids=str
+)
+def test_adapted_knots_are_nearly_the_best_that_there_are(factors, degree, spans):
+    """Free knots of a scalar spline: a linear program for each choice, a simplex search over the choices."""
     vector = np.random.default_rng(5).normal(size=factors.count)
     bundle = Bundle(factors, np.stack([vector, 0 * vector], axis=1)[:, None])
     t = (1 - np.cos(np.linspace(0, np.pi, 120))) / 2
@@ -246,7 +258,7 @@ def test_adapted_knots_are_nearly_the_best_that_there_are(factors):
             return 1e3
         return 1e6 * minimax_error(lambda x: vector @ factors.rows(x), Knots.smooth(breaks, degree).flat, degree, t)
 
-    starts = itertools.combinations(np.linspace(0, 1, 7)[1:-1], 2)
+    starts = itertools.combinations(np.linspace(0, 1, 7)[1:-1], spans - 1)
     start = min(starts, key=error)
     best = minimize(error, start, method="Nelder-Mead", options={"maxfev": 80}).fun / 1e6
     found = dense_error(adapted(bundle, degree, spans), bundle)
@@ -254,8 +266,8 @@ def test_adapted_knots_are_nearly_the_best_that_there_are(factors):
     assert found >= 0.95 * best
 
 
-@pytest.mark.parametrize("name", ["B3p", "C3s", "D5s", "E8p"])
-@pytest.mark.parametrize("degree", [3, 5])
+@pytest.mark.parametrize("name", ["A2p", "B3p", "C3s", "D5s", "E8p"])
+@pytest.mark.parametrize("degree", [5, 7])
 def test_adapted_knots_beat_equidistributed_ones(name, degree):
     bundle = curve_bundle(pieces.curves()[name])
     for end_order in (0, 2):
