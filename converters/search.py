@@ -25,7 +25,7 @@ Proof = Callable[[Approximation], Proved | None]
 PairProof = Callable[[Approximation, Approximation], Proved | None]
 
 _ADAPTATION_GAIN = 12.0  # adapted knots have not been seen to divide the error of equidistributed ones by more
-_DEGREES_TRIED = 2
+_MARGIN = 0.93  # of the goal: the true maximum lies a little above the largest sample
 _CHOICES = 10  # numbers of poles of one direction that are paired with those of the other
 
 
@@ -107,7 +107,7 @@ class Side:
         if best is None or best.error == 0:
             return best
         ranked = sorted(self._kinds(poles), key=lambda one: one.error)
-        for quick in ranked[:_DEGREES_TRIED]:
+        for quick in ranked:
             own = self.of_degree(poles, quick.knots.degree, goal)
             if own is not None and own.error < best.error:
                 best = own
@@ -155,7 +155,7 @@ def fewest(side: Side, goal: float, proof: Proof[Proved], *, adapt: bool) -> Pro
     poles = passed - max(1, round(0.1 * passed))
     while passed - failed > 1:
         poles = min(max(poles, failed + 1), passed - 1)
-        one = side.adapted(poles, goal)
+        one = side.adapted(poles, _MARGIN * goal)
         better = _passing(one, goal, proof)
         if better is None:
             failed = poles
