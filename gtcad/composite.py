@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gtcad.basis import checked_order
 from gtcad.continuity import (
     PARAMETRIC,
     JoinReport,
@@ -28,6 +29,8 @@ from gtcad.continuity import (
 )
 from gtcad.curve import Curve
 from gtcad.errors import InputError, SingularJoin
+from gtcad.protocol import SeparableCurve
+from gtcad.restricted import RestrictedCurve
 
 Array = NDArray[np.float64]
 
@@ -36,12 +39,12 @@ _RESIDUAL = 1e-11  # of the size: what the joined derivatives may differ by afte
 
 @dataclass(frozen=True)
 class Composite:
-    """An ordered chain of curves, open or closed.
+    """An ordered chain of curves, open or closed: piece i is the part over [i, i + 1] of its domain [0, pieces].
 
     Parameters
     ----------
     pieces
-        The curves, of one dimension, each starting where the one before ends.
+        The curves, of one dimension, each starting where the one before ends: curves of the protocol of any kind.
     orders
         The wanted order at each joint, "C0" to "G3": one less than the pieces, or as many when the chain is closed,
         the last one for the joint of the last piece with the first.
@@ -54,7 +57,7 @@ class Composite:
         When the numbers or dimensions do not fit.
     """
 
-    pieces: tuple[Curve, ...]
+    pieces: tuple[SeparableCurve, ...]
     orders: tuple[str, ...]
     closed: bool = False
 
@@ -100,7 +103,7 @@ class Composite:
         SingularJoin
             When the joints cannot all be met, or a control point at a joint is not determined.
         """
-        drawn = cls(tuple(pieces), tuple(orders), closed)
+        drawn = Composite(tuple(pieces), tuple(orders), closed)
         system = _System(drawn, fixed)
         given = [None] * len(drawn.orders) if scales is None else list(scales)
         if len(given) != len(drawn.orders):
@@ -108,10 +111,44 @@ class Composite:
         return system.chain(system.best_scales(given))
 
     @property
-    def joints(self) -> tuple[tuple[Curve, Curve], ...]:
+    def joints(self) -> tuple[tuple[SeparableCurve, SeparableCurve], ...]:
         """The pieces before and after each joint."""
         following = (*self.pieces[1:], self.pieces[0])
         return tuple(zip(self.pieces, following, strict=True))[: len(self.orders)]
+
+    @property
+    def dimension(self) -> int:
+        """Space dimension d."""
+        return self.pieces[0].dimension
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """First and last parameter."""
+        return 0.0, float(len(self.pieces))
+
+    def evaluate(self, t: ArrayLike) -> Array:
+        """Points at parameters in [0, number of pieces], shape t.shape + (d,)."""
+        return self.derivative(t, 0)
+
+    def derivative(self, t: ArrayLike, order: int = 1) -> Array:
+        """Derivatives of the order, shape t.shape + (d,); at a joint those of the piece that starts there.
+
+        Raises
+        ------
+        InputError
+            When a parameter is outside the domain or the order is not a whole number from 0.
+        """
+        order = checked_order("order", order)
+        values = np.asarray(t, dtype=np.float64)
+        if not ((values >= 0) & (values <= len(self.pieces))).all():
+            raise InputError(f"t must lie in [0, {len(self.pieces)}], got {values.min()} to {values.max()}")
+        flat = values.reshape(-1)
+        places = np.minimum(flat.astype(int), len(self.pieces) - 1)
+        result = np.empty((flat.size, self.dimension))
+        for place in np.unique(places):
+            here = places == place
+            result[here] = self.pieces[place].derivative(flat[here] - place, order)
+        return result.reshape(*values.shape, self.dimension)
 
     def report(self, *, thresholds: Thresholds | None = None) -> tuple[JoinReport, ...]:
         """What happens at each joint."""
@@ -132,9 +169,10 @@ class Composite:
             Indices. A joint reaches k + 1 control points into each side; joints that share a control point are solved
             together. The piece itself is always among the pieces.
         """
+        curves = _designed(self.pieces)
         joints = range(len(self.orders))
         reach = {joint: self._reach(joint) for joint in joints}
-        count = self.pieces[piece].degree + 1
+        count = curves[piece].degree + 1
         points = range(count) if control_point is None else (control_point,)
         if control_point is not None and not 0 <= control_point < count:
             raise InputError(f"control_point must lie in [0, {count - 1}], got {control_point}")
@@ -150,12 +188,12 @@ class Composite:
     def _reach(self, joint: int) -> set[tuple[int, int]]:
         order = parsed_order(self.orders[joint])[1]
         before, after = joint, (joint + 1) % len(self.pieces)
-        last = self.pieces[before].degree
+        last = _designed(self.pieces)[before].degree
         return {(before, last - k) for k in range(order + 1)} | {(after, k) for k in range(order + 1)}
 
     def reversed(self) -> Composite:
         """The same points from the other end."""
-        pieces = tuple(piece.reversed() for piece in self.pieces[::-1])
+        pieces = tuple(_reversed(piece) for piece in self.pieces[::-1])
         orders = self.orders[::-1] if not self.closed else (*self.orders[-2::-1], self.orders[-1])
         return Composite(pieces, orders, self.closed)
 
@@ -164,14 +202,28 @@ class Composite:
         return Composite(tuple(p.transformed(matrix, translation) for p in self.pieces), self.orders, self.closed)
 
 
+def _reversed(piece: SeparableCurve) -> SeparableCurve:
+    return piece.reversed() if isinstance(piece, Curve | RestrictedCurve) else RestrictedCurve(piece, (1.0, 0.0))
+
+
+def _designed(pieces: Sequence[SeparableCurve]) -> tuple[Curve, ...]:
+    """The pieces, all with control points that can be moved."""
+    curves = tuple(piece for piece in pieces if isinstance(piece, Curve))
+    if len(curves) < len(pieces):
+        strange = next(type(piece).__name__ for piece in pieces if not isinstance(piece, Curve))
+        raise InputError(f"the pieces must be of the class Curve to have control points that move, got {strange}")
+    return curves
+
+
 class _System:
     """The linear conditions of a chain in its control points, and the designer's control points."""
 
     def __init__(self, drawn: Composite, fixed: Sequence[tuple[int, int]]) -> None:
         self.drawn = drawn
-        counts = [piece.degree + 1 for piece in drawn.pieces]
+        self.curves = _designed(drawn.pieces)
+        counts = [piece.degree + 1 for piece in self.curves]
         self.offsets = np.concatenate([[0], np.cumsum(counts)])
-        self.points = np.concatenate([piece.control_points for piece in drawn.pieces])
+        self.points = np.concatenate([piece.control_points for piece in self.curves])
         self.size = max(float(np.ptp(self.points, axis=0).max()), np.finfo(float).tiny)
         self.free = np.ones(len(self.points), dtype=bool)
         for piece, control_point in fixed:
@@ -186,10 +238,10 @@ class _System:
         before, after = joint, (joint + 1) % len(self.drawn.pieces)
         rows = np.zeros((2, order + 1, len(self.points)))
         for side, (piece, t) in enumerate(((before, 1.0), (after, 0.0))):
-            Start.of((self.drawn.pieces[piece] if side else self.drawn.pieces[piece].reversed()).factors, order)
+            Start.of((self.curves[piece] if side else self.curves[piece].reversed()).factors, order)
             where = slice(self.offsets[piece], self.offsets[piece + 1])
             for r in range(order + 1):
-                rows[side, r, where] = self.drawn.pieces[piece].factors.derivative(t, r)
+                rows[side, r, where] = self.curves[piece].factors.derivative(t, r)
         return rows[0], rows[1]
 
     def conditions(self, scales: Sequence[Scale]) -> Array:
@@ -262,6 +314,6 @@ class _System:
             points[after[0] != 0] = points[before[0] != 0]  # the same point to the last digit
         pieces = tuple(
             Curve(points[a:b], piece.gamma, piece.family)
-            for piece, a, b in zip(self.drawn.pieces, self.offsets[:-1], self.offsets[1:], strict=True)
+            for piece, a, b in zip(self.curves, self.offsets[:-1], self.offsets[1:], strict=True)
         )
         return Composite(pieces, self.drawn.orders, self.drawn.closed)
