@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
 from gtcad.chebyshev import nodes
-from gtcad.converters.spline_basis import Knots, dense, end_derivatives, local_values
+from gtcad.converters.spline_basis import EndOrder, Knots, both_ends, dense, end_derivatives, local_values
 from gtcad.factors import KeyedFactors
 from gtcad.protocol import Factors
 
@@ -102,16 +102,16 @@ class Approximation:
 class Problem:
     """Least-squares approximation of factors over one knot vector, for changing weights."""
 
-    def __init__(self, factors: Factors, knots: Knots, end_order: int) -> None:
+    def __init__(self, factors: Factors, knots: Knots, end_order: EndOrder) -> None:
         self.knots = knots
         z = nodes(max(knots.degree + 7, -(-4 * knots.poles // knots.spans)))
         self.local = local_values(knots, z)
         self.columns = knots.first[:, None] + np.arange(knots.degree + 1)
         self.values = factors.rows(knots.places(z).reshape(-1)).T
         first, last = _end_poles(factors, knots, end_order)
+        self.inner = slice(len(first), knots.poles - len(last))
         self.ends = np.zeros((knots.poles, factors.count))
-        self.ends[: end_order + 1], self.ends[-end_order - 1 :] = first, last
-        self.inner = slice(end_order + 1, knots.poles - end_order - 1)
+        self.ends[: self.inner.start], self.ends[self.inner.stop :] = first, last
         self.rest = self.values - self._spline(self.ends)
 
     def _spline(self, poles: Array) -> Array:
@@ -155,12 +155,17 @@ class Problem:
         return self.values - self._spline(matrix)
 
 
-def _end_poles(factors: Factors, knots: Knots, end_order: int) -> tuple[Array, Array]:
-    """The first and the last end_order + 1 rows of the matrix, from the derivatives at both ends."""
+def _end_poles(factors: Factors, knots: Knots, end_order: EndOrder) -> tuple[Array, Array]:
+    """The first and the last rows of the matrix, one more than the order of their end, from its derivatives."""
     ends = np.array([0.0, 1.0])
-    wanted = np.stack([factors.rows(ends, k) for k in range(end_order + 1)])  # (order, count, end)
     start, end = end_derivatives(knots, end_order)
-    return _substituted(start, wanted[:, :, 0]), _substituted(end, wanted[:, :, 1])[::-1]
+    wanted = np.stack([factors.rows(ends, k) for k in range(max(len(start), len(end)))])  # (order, count, end)
+    return _substituted(start, wanted[: len(start), :, 0]), _substituted(end, wanted[: len(end), :, 1])[::-1]
+
+
+def _has_room(knots: Knots, end_order: EndOrder) -> bool:
+    """Whether the conditions at both ends leave the knots enough poles."""
+    return knots.poles >= sum(both_ends(end_order)) + 2
 
 
 def _substituted(triangle: Array, right: Array) -> Array:
@@ -172,7 +177,7 @@ def _substituted(triangle: Array, right: Array) -> Array:
 
 
 def approximate(
-    bundle: Bundle, knots: Knots, end_order: int = 0, *, steps: int = _LAWSON_STEPS, goal: float = 0.0
+    bundle: Bundle, knots: Knots, end_order: EndOrder = 0, *, steps: int = _LAWSON_STEPS, goal: float = 0.0
 ) -> Approximation:
     """Nearly the minimax spline of these knots: the best of a few steps of Lawson's iteration.
 
@@ -183,7 +188,7 @@ def approximate(
     knots
         Over which knots.
     end_order
-        Derivatives 0..end_order are exact at both ends.
+        Derivatives 0..end_order are exact at both ends; a pair holds for the start and the end.
     steps
         Steps of the iteration; 0 leaves plain least squares.
     goal
@@ -219,26 +224,28 @@ def equidistributed(bundle: Bundle, degree: int, spans: int) -> Array:
     return np.asarray(breaks)
 
 
-def of_kind(factors: Factors, degree: int, continuity: int, end_order: int, spans: int) -> Approximation | None:
+def of_kind(factors: Factors, degree: int, continuity: int, end_order: EndOrder, spans: int) -> Approximation | None:
     """The approximation that depends on the factors alone, kept for the next piece of the kind.
 
     None when the knots leave no room for the end conditions.
     """
-    return _of_kind(KeyedFactors(factors), degree, continuity, end_order, spans)
+    return _of_kind(KeyedFactors(factors), degree, continuity, both_ends(end_order), spans)
 
 
 @lru_cache(maxsize=512)
-def _of_kind(kept: KeyedFactors, degree: int, continuity: int, end_order: int, spans: int) -> Approximation | None:
+def _of_kind(
+    kept: KeyedFactors, degree: int, continuity: int, end_order: tuple[int, int], spans: int
+) -> Approximation | None:
     factors = kept.factors
     bundle = Bundle(factors, np.eye(factors.count)[:, :, None])
     knots = Knots.smooth(equidistributed(bundle, degree, spans), degree, continuity)
-    if knots.poles < 2 * (end_order + 1):
+    if not _has_room(knots, end_order):
         return None
     return approximate(bundle, knots, end_order, steps=2 if knots.poles <= _DENSE_POLES else 0)
 
 
 def adapted(
-    bundle: Bundle, degree: int, spans: int, end_order: int = 0, *, goal: float = 0.0, start: Array | None = None
+    bundle: Bundle, degree: int, spans: int, end_order: EndOrder = 0, *, goal: float = 0.0, start: Array | None = None
 ) -> Approximation | None:
     """Nearly the best spline with that many spans and simple knots, its knots moved for this bundle.
 
@@ -259,7 +266,7 @@ def adapted(
         None when the knots leave no room for the end conditions.
     """
     breaks = equidistributed(bundle, degree, spans) if start is None else start
-    if spans + degree < 2 * (end_order + 1):
+    if not _has_room(Knots.smooth(breaks, degree), end_order):
         return None
     if spans > 1 and spans + degree <= _DENSE_POLES:
         breaks = _KnotSearch(bundle, degree, end_order, breaks).run(goal)
@@ -280,7 +287,7 @@ class _Trial:
 class _KnotSearch:
     """Gauss-Newton on the breaks, Levenberg-Marquardt damped, with weights that follow the error."""
 
-    def __init__(self, bundle: Bundle, degree: int, end_order: int, breaks: Array) -> None:
+    def __init__(self, bundle: Bundle, degree: int, end_order: EndOrder, breaks: Array) -> None:
         self.bundle, self.degree, self.end_order, self.start = bundle, degree, end_order, breaks
         spans = len(breaks) - 1
         self.t = (nodes(max(160, 10 * (spans + degree))) + 1) / 2
@@ -312,13 +319,13 @@ class _KnotSearch:
         flat = knots.flat
         design = BSpline.design_matrix(self.t, flat, self.degree).toarray()
         first, last = _end_poles(self.bundle.factors, knots, self.end_order)
-        fixed = self.end_order + 1
+        free = slice(len(first), knots.poles - len(last))
         poles = np.zeros((knots.poles, self.target.shape[1]))
-        poles[:fixed], poles[-fixed:] = first @ self.columns, last @ self.columns
+        poles[: free.start], poles[free.stop :] = first @ self.columns, last @ self.columns
         scale = np.sqrt(weights)[:, None]
-        basis, triangle = np.linalg.qr(design[:, fixed:-fixed] * scale)
+        basis, triangle = np.linalg.qr(design[:, free] * scale)
         right = basis.T @ ((self.target - design @ poles) * scale)
-        poles[fixed:-fixed] = np.linalg.solve(triangle, right)
+        poles[free] = np.linalg.solve(triangle, right)
         return _Trial(breaks, flat, poles, self.target - design @ poles, basis)
 
     def _jacobian(self, trial: _Trial, scale: Array) -> Array:

@@ -58,11 +58,12 @@ def certify_curve(
     spline: BSplineCurve,
     *,
     parameter_map: ParameterMap = IDENTITY,
+    window: tuple[int, int] | None = None,
     rtol: float = 0.01,
     resolution: float = 0.0,
     limit: float = math.inf,
 ) -> Certificate:
-    """Prove how far the spline is from the curve.
+    """Prove how far the spline, or a part of it, is from the curve.
 
     Parameters
     ----------
@@ -72,6 +73,9 @@ def certify_curve(
         Of the same dimension; its knots' interval is mapped affinely to [0, 1].
     parameter_map
         Which parameter of the curve each parameter of the spline is held against.
+    window
+        The part of the spline between two of its knots, by their index, is held against the whole curve; all of it
+        for None.
     rtol
         Wanted ``upper / lower - 1`` beyond rounding and tails.
     resolution
@@ -87,7 +91,7 @@ def certify_curve(
     _check_dimension(curve.dimension, spline.dimension)
     rational = spline.weights is not None
     floor = 1.0 if spline.weights is None else float(spline.weights.min())
-    knots = Knots.normalised(spline.knots, spline.multiplicities, spline.degree)
+    knots = Knots.normalised(spline.knots, spline.multiplicities, spline.degree, window)
     size = _size(curve.coefficients, spline.control_points)
     side = _Direction.of(curve.factors, knots, parameter_map, rational, resolution / size)
     model = side.shape_rows @ curve.coefficients
@@ -100,7 +104,8 @@ def certify_curve(
     x = side.parameter(found.index, found.place[0])
     certificate = _certificate(found, slack, (float(parameter_map(x)),))
     if rational or side.mapped:
-        held = spline.evaluate(spline.knots[0] + x * np.ptp(spline.knots))
+        start, end = (spline.knots[k] for k in window or (0, -1))
+        held = spline.evaluate(start * (1 - x) + end * x)
         return _with_lower(certificate, curve.evaluate(certificate.place[0]) - held, slack)
     return certificate
 

@@ -7,9 +7,9 @@ tolerance, or ToleranceNotMet is raised.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Generic, Literal, TypeVar
+from typing import Any, Generic, Literal, TypeGuard, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from gtcad.converters.bspline import MAX_DEGREE, BSplineCurve, BSplineSurface
 from gtcad.converters.certificate import Certificate, certify_curve, certify_surface
 from gtcad.converters.exact import IDENTITY, ParameterMap, exact_curve, exact_surface, polynomial_form
 from gtcad.converters.search import Side, fewest, fewest_pair
+from gtcad.converters.spline_basis import EndOrder
 from gtcad.errors import InputError, ToleranceBelowPrecision, ToleranceNotMet
 from gtcad.protocol import Factors, SeparableCurve, SeparableSurface
 
@@ -66,7 +67,7 @@ def fit_curve(
     tolerance: float,
     degree: Degree = 5,
     continuity: int | None = None,
-    end_order: int = 0,
+    end_order: EndOrder = 0,
     exact: Literal["auto"] | bool = "auto",
     max_spans: int = 4096,
     max_degree: int = 11,
@@ -85,7 +86,8 @@ def fit_curve(
     continuity
         Continuity at interior knots, 0 to degree - 1; degree - 1 unless given.
     end_order
-        0 to 3: derivatives 0..end_order are exact at both ends, so that a join of the curve is one of the spline.
+        0 to 3: derivatives 0..end_order are exact at both ends, so that a join of the curve is one of the spline. A
+        pair (start, end) has an order of its own at t = 0 and at t = 1: an end without a join needs no more than 0.
     exact
         "auto": an exact form (rational or polynomial, degree 1, 2, 4 or the curve's own) where there is one and
         end_order is 0; False: never; True: an exact form or an InputError.
@@ -114,14 +116,15 @@ def fit_curve(
     >>> fit.deviation[1] <= 1e-4
     True
     """
-    options = _Options.checked(tolerance, degree, continuity, end_order, exact, max_spans, max_degree)
+    ends = (_checked_ends("end_order", end_order),)
+    options = _Options.checked(tolerance, degree, continuity, ends, exact, max_spans, max_degree)
     if options.exact_allowed and (form := exact_curve(curve)) is not None:
         certificate = certify_curve(curve, form[0], parameter_map=form[1])
         if certificate.upper <= tolerance:
             return Fit(form[0], (certificate.lower, certificate.upper), True, form[1])
     options.refuse_inexact()
     options.refuse_below_floor((curve.factors,), curve.coefficients)
-    side = options.side(Bundle(curve.factors, curve.coefficients[:, None, :]))
+    side = options.side(Bundle(curve.factors, curve.coefficients[:, None, :]), ends[0])
     attempt = _Attempt(tolerance)
 
     def proof(one: Approximation) -> _Proved[BSplineCurve] | None:
@@ -141,7 +144,7 @@ def fit_surface(
     tolerance: float,
     degree: Degree = 5,
     continuity: int | None = None,
-    end_order: int = 0,
+    end_order: int | tuple[tuple[int, int], tuple[int, int]] = 0,
     exact: Literal["auto"] | bool = "auto",
     max_spans: int = 4096,
     max_degree: int = 11,
@@ -149,7 +152,8 @@ def fit_surface(
 ) -> Fit[BSplineSurface, tuple[ParameterMap, ParameterMap]]:
     """The B-spline surface of the fewest poles that was found within the tolerance of a surface, with its proof.
 
-    The arguments are those of ``fit_curve`` and hold for both directions; a direction of classical Bezier factors
+    The arguments are those of ``fit_curve`` and hold for both directions; ``end_order`` may also be
+    ``((u0, u1), (v0, v1))``, the orders at u = 0, u = 1, v = 0 and v = 1. A direction of classical Bezier factors
     keeps their own degree where that needs fewer poles, unless ``exact`` is False. Boundary rows of poles that are
     meant to coincide (collapsed or closed patches) are made equal before the proof.
 
@@ -158,7 +162,8 @@ def fit_surface(
     InputError, ToleranceBelowPrecision, ToleranceNotMet
         As ``fit_curve``; ``max_spans`` counts the spans of each direction.
     """
-    options = _Options.checked(tolerance, degree, continuity, end_order, exact, max_spans, max_degree)
+    ends = _checked_surface_ends(end_order)
+    options = _Options.checked(tolerance, degree, continuity, ends, exact, max_spans, max_degree)
     if options.exact_allowed and (form := exact_surface(surface)) is not None:
         spline = _snapped(form[0])
         certificate = certify_surface(surface, spline, parameter_maps=form[1])
@@ -166,7 +171,7 @@ def fit_surface(
             return Fit(spline, (certificate.lower, certificate.upper), True, form[1])
     options.refuse_inexact()
     options.refuse_below_floor((surface.factors_u, surface.factors_v), surface.coefficients)
-    u, v = (options.side(bundle) for bundle in _bundles(surface))
+    u, v = (options.side(bundle, pair) for bundle, pair in zip(_bundles(surface), ends, strict=True))
     attempt = _Attempt(tolerance)
 
     def proof(a: Approximation, b: Approximation) -> _Proved[BSplineSurface] | None:
@@ -222,7 +227,7 @@ class _Options:
     tolerance: float
     degrees: tuple[int, ...]
     continuity: int | None
-    end_order: int
+    ends: tuple[tuple[int, int], ...]  # of each direction
     exact: Literal["auto"] | bool
     max_spans: int
 
@@ -232,7 +237,7 @@ class _Options:
         tolerance: float,
         degree: Degree,
         continuity: int | None,
-        end_order: int,
+        ends: tuple[tuple[int, int], ...],
         exact: Literal["auto"] | bool,
         max_spans: int,
         max_degree: int,
@@ -248,16 +253,15 @@ class _Options:
         if continuity is not None:
             _check_whole("continuity", continuity, 0, max(degrees) - 1)
             degrees = tuple(one for one in degrees if one > continuity)
-        _check_whole("end_order", end_order, 0, _MAX_END_ORDER)
         _check_whole("max_spans", max_spans, 1, None)
         if exact not in ("auto", True, False):
             raise InputError(f'exact must be "auto", True or False, got {exact!r}')
-        return cls(float(tolerance), degrees, continuity, end_order, exact, max_spans)
+        return cls(float(tolerance), degrees, continuity, ends, exact, max_spans)
 
     @property
     def exact_allowed(self) -> bool:
         """Whether an exact form may stand for the piece: its parameter is its own, so no join may depend on it."""
-        return self.exact is not False and self.end_order == 0
+        return self.exact is not False and not any(map(any, self.ends))
 
     def refuse_inexact(self) -> None:
         if self.exact is True:
@@ -269,11 +273,12 @@ class _Options:
         if self.tolerance < floor:
             raise ToleranceBelowPrecision(self.tolerance, floor)
 
-    def side(self, bundle: Bundle) -> Side:
+    def side(self, bundle: Bundle, ends: tuple[int, int]) -> Side:
         polynomial = None if self.exact is False else polynomial_form(bundle.factors)
-        side = Side(bundle, self.degrees, self.continuity, self.end_order, self.max_spans, polynomial)
+        side = Side(bundle, self.degrees, self.continuity, ends, self.max_spans, polynomial)
         if side.most < side.least:
-            room = f"{side.most} poles at most, and end_order {self.end_order} takes {side.least}"
+            order = ends[0] if ends[0] == ends[1] else ends
+            room = f"{side.most} poles at most, and end_order {order} takes {side.least}"
             raise InputError(f"max_spans = {self.max_spans} and degree up to {max(self.degrees)} give {room}")
         return side
 
@@ -282,6 +287,28 @@ def precision_floor(factors: tuple[Factors, ...]) -> float:
     """Least tolerance, relative to the largest coefficient, that a certificate can prove over its own rounding."""
     units = sum(one.rounding / UNIT_ROUNDOFF + one.count + 60 for one in factors)
     return 2 * units * UNIT_ROUNDOFF * 3.0 ** len(factors)
+
+
+def _checked_ends(name: str, value: object) -> tuple[int, int]:
+    """The orders at the start and at the end, from one for both or a pair."""
+    pair = value if _is_pair(value) else (value, value)
+    for place, order in enumerate(pair):
+        where = f"{name}[{place}]" if pair is value else name
+        _check_whole(where, order, 0, _MAX_END_ORDER, also="" if pair is value else "a pair of such")
+    return int(pair[0]), int(pair[1])
+
+
+def _checked_surface_ends(value: object) -> tuple[tuple[int, int], tuple[int, int]]:
+    if not _is_pair(value):
+        _check_whole("end_order", value, 0, _MAX_END_ORDER, also="((u0, u1), (v0, v1))")
+        value = ((value, value), (value, value))
+    if not all(map(_is_pair, value)):
+        raise InputError(f"end_order of a surface must be a whole number or ((u0, u1), (v0, v1)), got {value!r}")
+    return _checked_ends("end_order[0]", value[0]), _checked_ends("end_order[1]", value[1])
+
+
+def _is_pair(value: object) -> TypeGuard[Sequence[Any]]:
+    return isinstance(value, Sequence) and not isinstance(value, str) and len(value) == 2
 
 
 def _check_whole(name: str, value: object, least: int, most: int | None, also: str = "") -> None:

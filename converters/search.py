@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtcad.converters.approximation import Approximation, Bundle, adapted, of_kind
-from gtcad.converters.spline_basis import Knots
+from gtcad.converters.spline_basis import EndOrder, Knots, both_ends
 
 Array = NDArray[np.float64]
 Proved = TypeVar("Proved")
@@ -41,7 +41,7 @@ class Side:
     continuity
         Continuity at interior knots, or None for degree - 1.
     end_order
-        Derivatives 0..end_order are exact at both ends.
+        Derivatives 0..end_order are exact at both ends; a pair holds for the start and the end.
     max_spans
         Largest number of spans.
     polynomial
@@ -53,11 +53,11 @@ class Side:
         bundle: Bundle,
         degrees: Sequence[int],
         continuity: int | None,
-        end_order: int,
+        end_order: EndOrder,
         max_spans: int,
         polynomial: Array | None = None,
     ) -> None:
-        self.bundle, self.end_order, self.max_spans = bundle, end_order, max_spans
+        self.bundle, self.end_order, self.max_spans = bundle, both_ends(end_order), max_spans
         self.degrees = tuple(degrees)
         self.continuity = continuity
         self.polynomial = None if polynomial is None else _polynomial(bundle, polynomial)
@@ -67,7 +67,7 @@ class Side:
     @property
     def least(self) -> int:
         """Fewest poles that any spline of these degrees has."""
-        return max(min(self.degrees) + 1, 2 * (self.end_order + 1))
+        return max(min(self.degrees) + 1, sum(self.end_order) + 2)
 
     @property
     def most(self) -> int:
@@ -122,7 +122,7 @@ class Side:
             if one is not None:
                 yield self._measured(one)
 
-    def _way(self, degree: int) -> tuple[int, int, int]:
+    def _way(self, degree: int) -> tuple[int, int, tuple[int, int]]:
         return degree, degree - self._multiplicity(degree), self.end_order
 
     def _measured(self, one: Approximation) -> Approximation:

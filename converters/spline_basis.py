@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+EndOrder = int | tuple[int, int]  # derivatives that are exact at both ends, or at the start and at the end
 
 
 @dataclass(frozen=True)
@@ -24,11 +25,15 @@ class Knots:
         One for each break, degree + 1 at both ends.
     degree
         Degree of the splines.
+    window
+        First and last break of the spans that are meant, by their index; all of them for None. With a window, [0, 1]
+        is the interval between these two breaks.
     """
 
     breaks: tuple[float, ...]
     multiplicities: tuple[int, ...]
     degree: int
+    window: tuple[int, int] | None = None
 
     @classmethod
     def smooth(cls, breaks: Array | tuple[float, ...], degree: int, continuity: int | None = None) -> Knots:
@@ -38,22 +43,32 @@ class Knots:
         return cls(tuple(float(b) for b in breaks), counts, degree)
 
     @classmethod
-    def normalised(cls, breaks: Array, multiplicities: tuple[int, ...], degree: int) -> Knots:
-        """Knots of any interval, mapped to [0, 1]."""
-        values = (breaks - breaks[0]) / (breaks[-1] - breaks[0])
-        return cls(tuple(values.tolist()), tuple(multiplicities), degree)
+    def normalised(
+        cls, breaks: Array, multiplicities: tuple[int, ...], degree: int, window: tuple[int, int] | None = None
+    ) -> Knots:
+        """Knots of any interval, mapped so that the window becomes [0, 1]."""
+        start, end = window or (0, len(breaks) - 1)
+        values = (breaks - breaks[start]) / (breaks[end] - breaks[start])
+        return cls(tuple(values.tolist()), tuple(multiplicities), degree, window)
 
     def subdivided(self, parts: int) -> Knots:
         """The same splines, each span seen as several: the new breaks have multiplicity 0."""
         breaks = np.array(self.breaks)
         inner = breaks[:-1, None] + np.diff(breaks)[:, None] * np.arange(parts) / parts
         counts = [count for m in self.multiplicities[:-1] for count in (m, *[0] * (parts - 1))]
-        return Knots((*inner.reshape(-1).tolist(), 1.0), (*counts, self.multiplicities[-1]), self.degree)
+        window = None if self.window is None else (self.window[0] * parts, self.window[1] * parts)
+        ends = self.breaks[-1], self.multiplicities[-1]
+        return Knots((*inner.reshape(-1).tolist(), ends[0]), (*counts, ends[1]), self.degree, window)
+
+    @property
+    def meant(self) -> slice:
+        """The spans of the window."""
+        return slice(*(self.window or (0, len(self.breaks) - 1)))
 
     @property
     def spans(self) -> int:
-        """Number of spans."""
-        return len(self.breaks) - 1
+        """Number of spans in the window."""
+        return self.meant.stop - self.meant.start
 
     @property
     def poles(self) -> int:
@@ -68,17 +83,17 @@ class Knots:
     @property
     def first(self) -> NDArray[np.int_]:
         """Index of the first basis function that lives on each span, shape (spans,)."""
-        return np.cumsum(self.multiplicities[:-1]) - self.degree - 1
+        return (np.cumsum(self.multiplicities[:-1]) - self.degree - 1)[self.meant]
 
     def places(self, z: Array) -> Array:
         """Parameters of the local coordinates z in [-1, 1] on every span, shape (spans, z.size)."""
         breaks = np.array(self.breaks)
-        return (breaks[:-1, None] * (1 - z) + breaks[1:, None] * (1 + z)) / 2
+        return (breaks[:-1, None] * (1 - z) + breaks[1:, None] * (1 + z))[self.meant] / 2
 
     @property
     def widest(self) -> float:
         """Largest half width of a span."""
-        return float(np.diff(self.breaks).max()) / 2
+        return float(np.diff(self.breaks)[self.meant].max()) / 2
 
 
 def local_values(knots: Knots, z: Array) -> Array:
@@ -109,15 +124,21 @@ def _local_values(knots: Knots, z: bytes) -> Array:
     return values
 
 
-def end_derivatives(knots: Knots, order: int) -> tuple[Array, Array]:
+def both_ends(order: EndOrder) -> tuple[int, int]:
+    """The orders at the start and at the end."""
+    return order if isinstance(order, tuple) else (order, order)
+
+
+def end_derivatives(knots: Knots, order: EndOrder) -> tuple[Array, Array]:
     """Derivatives 0..order of the first order + 1 functions at 0, and of the last ones at 1, outermost first.
 
-    Both lower triangular, shape (order + 1, order + 1): row k gives the k-th derivative.
+    Both lower triangular, shape (order + 1, order + 1) with each end's own order: row k gives the k-th derivative.
     """
     flat = knots.flat
-    start = _end_triangle(flat, knots.degree, order)
-    end = _end_triangle(1 - flat[::-1], knots.degree, order)
-    return start, end * (-1.0) ** np.arange(order + 1)[:, None]
+    at_start, at_end = both_ends(order)
+    start = _end_triangle(flat, knots.degree, at_start)
+    end = _end_triangle(1 - flat[::-1], knots.degree, at_end)
+    return start, end * (-1.0) ** np.arange(at_end + 1)[:, None]
 
 
 def _end_triangle(flat: Array, degree: int, order: int) -> Array:
