@@ -19,23 +19,38 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline
 
 from gtcad.chebyshev import nodes
-from gtcad.converters.spline_basis import EndOrder, Knots, both_ends, dense, end_derivatives, local_values
+from gtcad.converters.spline_basis import (
+    EndOrder,
+    Knots,
+    Sampled,
+    both_ends,
+    dense,
+    doubled,
+    end_derivatives,
+    local_values,
+    sampled,
+    top_jumps,
+)
 from gtcad.factors import KeyedFactors
 from gtcad.protocol import Factors
 
 Array = NDArray[np.float64]
+Sparse = Any  # scipy's sparse arrays carry no types
 
 _LAWSON_STEPS = 16
+_NEAR_STEPS, _NEAR = 64, 1.15  # so many steps when the error is at most so many times the goal
 _KNOT_STEPS = 24
+_HOPELESS_STEPS, _HOPELESS = 6, 2.0  # after so many steps an error so many times the goal has not been seen to reach it
 _DENSITY_POINTS = 240
 _DENSE_POLES = 160  # above, banded normal equations take the place of an orthogonal factorisation
+_FEW_POLES = 48
 _LEAST_GAP = 0.02  # of the mean span: knots that approach each other further trouble kernels
 
 
@@ -56,15 +71,23 @@ class Bundle:
 
     def norms(self, rows: Array) -> Array:
         """Largest norm over the places, for factor values given as (points, count)."""
-        return self._largest(rows @ self.vectors.reshape(len(self.vectors), -1))
+        return self._largest(rows @ self._by_coordinate)
 
     def compressed_norms(self, columns: Array) -> Array:
         """The same for values in the columns of ``compressed``."""
-        return self._largest(columns @ self.compressed[1])
+        return self._largest(columns @ self._compressed_by_coordinate)
 
     def _largest(self, values: Array) -> Array:
-        values = values.reshape(len(values), *self.vectors.shape[1:])
-        return np.asarray(np.sqrt(np.einsum("tjd,tjd->tj", values, values).max(axis=1)))
+        return np.asarray(np.sqrt(np.einsum("dtj,dtj->tj", values, values).max(axis=1)))
+
+    @cached_property
+    def _by_coordinate(self) -> Array:
+        return np.ascontiguousarray(np.moveaxis(self.vectors, -1, 0))
+
+    @cached_property
+    def _compressed_by_coordinate(self) -> Array:
+        rows = self.compressed[1].reshape(-1, *self.vectors.shape[1:])
+        return np.ascontiguousarray(np.moveaxis(rows, -1, 0))
 
     @cached_property
     def compressed(self) -> tuple[Array, Array]:
@@ -88,27 +111,32 @@ class Approximation:
         Shape (poles, count).
     values, residual
         The factors, and the factors less their splines, on the samples: shape (samples, count).
-    error
-        Largest error of the bundle on the samples.
+    errors
+        Largest error over the places of the bundle, on each sample.
     """
 
     knots: Knots
     matrix: Array
     values: Array
     residual: Array
-    error: float
+    errors: Array
+
+    @cached_property
+    def error(self) -> float:
+        """Largest error of the bundle on the samples."""
+        return float(self.errors.max())
 
 
 class Problem:
     """Least-squares approximation of factors over one knot vector, for changing weights."""
 
-    def __init__(self, factors: Factors, knots: Knots, end_order: EndOrder) -> None:
+    def __init__(self, factors: Factors, knots: Knots, end_order: EndOrder, density: int = 1) -> None:
         self.knots = knots
-        z = nodes(max(knots.degree + 7, -(-4 * knots.poles // knots.spans)))
+        z = nodes(density * max(knots.degree + 7, -(-4 * knots.poles // knots.spans)))
         self.local = local_values(knots, z)
         self.columns = knots.first[:, None] + np.arange(knots.degree + 1)
         self.values = factors.rows(knots.places(z).reshape(-1)).T
-        first, last = _end_poles(factors, knots, end_order)
+        first, last = _end_poles(_end_values(factors, max(both_ends(end_order))), knots, end_order)
         self.inner = slice(len(first), knots.poles - len(last))
         self.ends = np.zeros((knots.poles, factors.count))
         self.ends[: self.inner.start], self.ends[self.inner.stop :] = first, last
@@ -155,12 +183,18 @@ class Problem:
         return self.values - self._spline(matrix)
 
 
-def _end_poles(factors: Factors, knots: Knots, end_order: EndOrder) -> tuple[Array, Array]:
-    """The first and the last rows of the matrix, one more than the order of their end, from its derivatives."""
+def _end_values(factors: Factors, order: int) -> Array:
+    """Derivatives 0..order at both ends, shape (2, order + 1, count)."""
     ends = np.array([0.0, 1.0])
+    return np.stack([factors.rows(ends, k).T for k in range(order + 1)], axis=1)
+
+
+def _end_poles(wanted: Array, knots: Knots, end_order: EndOrder) -> tuple[Array, Array]:
+    """The first and the last poles, one more than the order of their end, from the derivatives there."""
+    if end_order in (0, (0, 0)):
+        return wanted[0, :1], wanted[1, :1]
     start, end = end_derivatives(knots, end_order)
-    wanted = np.stack([factors.rows(ends, k) for k in range(max(len(start), len(end)))])  # (order, count, end)
-    return _substituted(start, wanted[: len(start), :, 0]), _substituted(end, wanted[: len(end), :, 1])[::-1]
+    return _substituted(start, wanted[0, : len(start)]), _substituted(end, wanted[1, : len(end)])[::-1]
 
 
 def _has_room(knots: Knots, end_order: EndOrder) -> bool:
@@ -177,7 +211,13 @@ def _substituted(triangle: Array, right: Array) -> Array:
 
 
 def approximate(
-    bundle: Bundle, knots: Knots, end_order: EndOrder = 0, *, steps: int = _LAWSON_STEPS, goal: float = 0.0
+    bundle: Bundle,
+    knots: Knots,
+    end_order: EndOrder = 0,
+    *,
+    steps: int = _LAWSON_STEPS,
+    goal: float = 0.0,
+    density: int = 1,
 ) -> Approximation:
     """Nearly the minimax spline of these knots: the best of a few steps of Lawson's iteration.
 
@@ -190,20 +230,25 @@ def approximate(
     end_order
         Derivatives 0..end_order are exact at both ends; a pair holds for the start and the end.
     steps
-        Steps of the iteration; 0 leaves plain least squares.
+        Steps of the iteration, more when the goal is near; 0 leaves plain least squares.
     goal
         Stop at an error of this size.
+    density
+        Samples are so many times as dense.
     """
-    problem = Problem(bundle.factors, knots, end_order)
+    problem = Problem(bundle.factors, knots, end_order, density)
     weights = np.ones(len(problem.values))
     best = None
-    for _ in range(steps + 1 if knots.poles <= _DENSE_POLES else 1):
+    most = max(steps, _NEAR_STEPS if goal else 0) + 1 if knots.poles <= _DENSE_POLES else 1
+    for step in range(most):
+        if best is not None and step > steps and best.error > _NEAR * goal:
+            break
         matrix = problem.solve(weights)
         residual = problem.residual(matrix)
         errors = bundle.norms(residual)
         error = float(errors.max())
         if best is None or error < best.error:
-            best = Approximation(knots, matrix, problem.values, residual, error)
+            best = Approximation(knots, matrix, problem.values, residual, errors)
         if error <= goal:
             break
         weights = weights * (errors / error + 1e-3)
@@ -270,7 +315,7 @@ def adapted(
         return None
     if spans > 1 and spans + degree <= _DENSE_POLES:
         breaks = _KnotSearch(bundle, degree, end_order, breaks).run(goal)
-    return approximate(bundle, Knots.smooth(breaks, degree), end_order, goal=goal)
+    return approximate(bundle, Knots.smooth(breaks, degree), end_order, goal=goal, density=2)
 
 
 @dataclass(eq=False)
@@ -281,18 +326,64 @@ class _Trial:
     flat: Array
     poles: Array
     residual: Array
-    basis: Array  # orthonormal columns that span the free part of the weighted design matrix
+    space: _Orthonormal | _Banded
+
+
+class _Orthonormal:
+    """Weighted least squares over a few functions, by an orthogonal factorisation."""
+
+    def __init__(self, design: Array, weights: Array) -> None:
+        self.scale = np.sqrt(weights)[:, None]
+        self.basis, self.triangle = np.linalg.qr(design * self.scale)
+
+    def solve(self, right: Array) -> Array:
+        return np.linalg.solve(self.triangle, self.basis.T @ (right * self.scale))
+
+    def outside(self, others: Sampled) -> Array:
+        """Weighted inner products of other functions, less what these can take up of them."""
+        scaled = others.dense() * self.scale
+        scaled -= self.basis @ (self.basis.T @ scaled)
+        return np.asarray(scaled.T @ scaled)
+
+
+class _Banded:
+    """The same over many functions, by normal equations: each function overlaps ``degree`` others on either side."""
+
+    def __init__(self, design: Sparse, weights: Array, degree: int) -> None:
+        self.design, self.weights = design, weights
+        self.weighted = design.multiply(weights[:, None]).T.tocsr()
+        gram = self.weighted @ design
+        bands = np.zeros((degree + 1, gram.shape[0]))
+        for k in range(degree + 1):
+            bands[degree - k, k:] = gram.diagonal(k)
+        self.factor = scipy.linalg.cholesky_banded(bands, check_finite=False), False
+
+    def solve(self, right: Array) -> Array:
+        solution = self._solve(self.weighted @ right)
+        return solution + self._solve(self.weighted @ (right - self.design @ solution))  # the rounding of the first
+
+    def outside(self, others: Sampled) -> Array:
+        """Weighted inner products of other functions, less what these can take up of them."""
+        columns = others.sparse()
+        onto = self.weighted @ columns
+        own = columns.T @ columns.multiply(self.weights[:, None])
+        return np.asarray(own.toarray() - onto.T @ self._solve(onto.toarray()))
+
+    def _solve(self, right: Array) -> Array:
+        return np.asarray(scipy.linalg.cho_solve_banded(self.factor, right, check_finite=False))
 
 
 class _KnotSearch:
     """Gauss-Newton on the breaks, Levenberg-Marquardt damped, with weights that follow the error."""
 
     def __init__(self, bundle: Bundle, degree: int, end_order: EndOrder, breaks: Array) -> None:
-        self.bundle, self.degree, self.end_order, self.start = bundle, degree, end_order, breaks
+        self.bundle, self.degree, self.start = bundle, degree, breaks
+        self.end_order = both_ends(end_order)
         spans = len(breaks) - 1
         self.t = (nodes(max(160, 10 * (spans + degree))) + 1) / 2
         self.columns = bundle.compressed[0]
         self.target = bundle.factors.rows(self.t).T @ self.columns
+        self.wanted = _end_values(bundle.factors, max(self.end_order)) @ self.columns
         self.least = _LEAST_GAP / spans
 
     def run(self, goal: float) -> Array:
@@ -300,13 +391,14 @@ class _KnotSearch:
         weights = np.ones(len(self.t))
         trial = self._solve(self.start, weights)
         best, best_error, damping, idle = self.start, np.inf, 1e-2, 0
-        for _ in range(_KNOT_STEPS):
+        for step in range(_KNOT_STEPS):
             errors = self.bundle.compressed_norms(trial.residual)
             error = float(errors.max())
             idle = 0 if error < 0.98 * best_error else idle + 1
             if error < best_error:
                 best, best_error = trial.breaks, error
-            if error <= 0.9 * goal or idle > 6 or error == 0:
+            hopeless = step >= _HOPELESS_STEPS and best_error > _HOPELESS * goal > 0
+            if error <= 0.9 * goal or idle > 6 or error == 0 or hopeless:
                 break
             weights = weights * np.sqrt(errors / error + 1e-3)
             weights /= weights.max()
@@ -317,49 +409,44 @@ class _KnotSearch:
     def _solve(self, breaks: Array, weights: Array) -> _Trial:
         knots = Knots.smooth(breaks, self.degree)
         flat = knots.flat
-        design = BSpline.design_matrix(self.t, flat, self.degree).toarray()
-        first, last = _end_poles(self.bundle.factors, knots, self.end_order)
+        few = knots.poles <= _FEW_POLES
+        functions = sampled(flat, self.degree, self.t)
+        design = functions.dense() if few else functions.sparse()
+        first, last = _end_poles(self.wanted, knots, self.end_order)
         free = slice(len(first), knots.poles - len(last))
         poles = np.zeros((knots.poles, self.target.shape[1]))
-        poles[: free.start], poles[free.stop :] = first @ self.columns, last @ self.columns
-        scale = np.sqrt(weights)[:, None]
-        basis, triangle = np.linalg.qr(design[:, free] * scale)
-        right = basis.T @ ((self.target - design @ poles) * scale)
-        poles[free] = np.linalg.solve(triangle, right)
-        return _Trial(breaks, flat, poles, self.target - design @ poles, basis)
-
-    def _jacobian(self, trial: _Trial, scale: Array) -> Array:
-        """Change of the weighted spline with each interior break, less what the poles can take up.
-
-        ``dS/dtau_r = -sum_{j=r-p..r} (c_j - c_{j-1}) / (t^_{j+p+1} - t^_j) N^_j``, ^ after doubling the knot tau_r.
-        """
-        columns = []
-        for knot in range(self.degree + 1, len(trial.flat) - self.degree - 1):
-            doubled = np.insert(trial.flat, knot, trial.flat[knot])
-            j = np.arange(knot - self.degree, knot + 1)
-            gaps = doubled[j + self.degree + 1] - doubled[j]
-            change = np.zeros((len(trial.poles) + 1, trial.poles.shape[1]))
-            change[j] = -(trial.poles[j] - trial.poles[j - 1]) / gaps[:, None]
-            column = BSpline(doubled, change, self.degree)(self.t) * scale
-            columns.append((column - trial.basis @ (trial.basis.T @ column)).reshape(-1))
-        return np.array(columns).T
+        poles[: free.start], poles[free.stop :] = first, last
+        inner = design[:, free]
+        space = _Orthonormal(inner, weights) if few else _Banded(inner, weights, self.degree)
+        poles[free] = space.solve(self.target - design @ poles)
+        return _Trial(breaks, flat, poles, self.target - design @ poles, space)
 
     def _step(self, trial: _Trial, weights: Array, damping: float) -> tuple[_Trial, float]:
-        """One damped step that lowers the weighted error; the trial itself when none does."""
-        scale = np.sqrt(weights)[:, None]
-        jacobian = self._jacobian(trial, scale)
-        residual = (trial.residual * scale).reshape(-1)
-        normal, gradient = jacobian.T @ jacobian, jacobian.T @ residual
-        cost, diagonal = residual @ residual, np.diag(np.diag(normal)) + 1e-300 * np.eye(len(normal))
+        """One damped step that lowers the weighted error; the trial itself when none does.
+
+        When a knot tau moves, the spline changes by a multiple of one B-spline that has tau as a double knot, up to
+        functions that the poles take up. The multiple is the ratio of jumps at tau: of the spline's p-th derivative
+        and of the B-spline's (p - 1)-th, hence of rank one over the coordinates.
+        """
+        bumps, jumps = doubled(trial.flat, self.degree, self.end_order, self.t)
+        change = -top_jumps(trial.poles, trial.flat, self.degree) / jumps[:, None]
+        weighted = trial.residual * weights[:, None]
+        onto = (bumps.dense() if len(change) < _FEW_POLES else bumps.sparse()).T @ weighted
+        gradient = np.einsum("rd,rd->r", onto, change)
+        normal = trial.space.outside(bumps) * (change @ change.T)
+        diagonal = np.diag(normal)
+        if not diagonal.max() > 0:
+            return trial, damping
+        cost, diagonal = float(np.vdot(weighted, trial.residual)), np.maximum(diagonal, 1e-12 * diagonal.max())
+        gaps = np.diff(trial.breaks)
         for _ in range(5):
             move = np.zeros(len(trial.breaks))
-            move[1:-1] = np.linalg.lstsq(normal + damping * diagonal, gradient, rcond=None)[0]
-            gaps = np.diff(trial.breaks)
+            move[1:-1] = np.linalg.solve(normal + damping * np.diag(diagonal), gradient)
             room = np.maximum(0.6 * gaps, 0) / np.maximum(-np.diff(move), 1e-300)
             breaks = trial.breaks + min(1.0, float(room.min())) * move
             if np.diff(breaks).min() >= min(self.least, gaps.min()):
                 moved = self._solve(breaks, weights)
-                if ((moved.residual * scale) ** 2).sum() < cost:
+                if float(np.vdot(moved.residual * weights[:, None], moved.residual)) < cost:
                     return moved, max(damping / 5, 1e-6)
             damping *= 6
         return trial, 1e-2

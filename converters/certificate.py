@@ -12,6 +12,7 @@ difference is bounded and divided by the least denominator of the span.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -27,6 +28,9 @@ from gtcad.factors import KeyedFactors
 from gtcad.protocol import Factors, SeparableCurve, SeparableSurface
 
 Array = NDArray[np.float64]
+
+COARSE, FINE = 0.01, 0.001
+"""Relative widths of a certificate, and of one that decides a near miss."""
 
 _MAX_NODES = 192
 _PARTS = 8
@@ -161,6 +165,12 @@ def certify_surface(
         blocks.append(certificate)
     worst = max(blocks, key=lambda block: block.lower)
     return Certificate(worst.lower, max(block.upper for block in blocks), worst.place)
+
+
+def deciding(certify: Callable[..., Certificate], tolerance: float) -> Certificate:
+    """What ``certify(rtol=...)`` proves, made tighter where its bounds lie on both sides of the tolerance."""
+    certificate = certify(rtol=COARSE)
+    return certify(rtol=FINE) if certificate.lower <= tolerance < certificate.upper else certificate
 
 
 def _certificate(found: Maximum, slack: float, place: tuple[float, ...]) -> Certificate:

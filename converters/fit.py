@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Generic, Literal, TypeGuard, TypeVar
 
 import numpy as np
@@ -22,6 +23,7 @@ from gtcad.converters.exact import IDENTITY, ParameterMap, exact_curve, exact_su
 from gtcad.converters.search import Side, fewest, fewest_pair
 from gtcad.converters.spline_basis import EndOrder
 from gtcad.errors import InputError, ToleranceBelowPrecision, ToleranceNotMet
+from gtcad.factors import KeyedFactors
 from gtcad.protocol import Factors, SeparableCurve, SeparableSurface
 
 Array = NDArray[np.float64]
@@ -165,7 +167,7 @@ def fit_surface(
     ends = _checked_surface_ends(end_order)
     options = _Options.checked(tolerance, degree, continuity, ends, exact, max_spans, max_degree)
     if options.exact_allowed and (form := exact_surface(surface)) is not None:
-        spline = _snapped(form[0])
+        spline = form[0].with_control_points(_snapped(form[0].control_points))
         certificate = certify_surface(surface, spline, parameter_maps=form[1])
         if certificate.upper <= tolerance:
             return Fit(spline, (certificate.lower, certificate.upper), True, form[1])
@@ -291,19 +293,17 @@ def precision_floor(factors: tuple[Factors, ...]) -> float:
 
 def _checked_ends(name: str, value: object) -> tuple[int, int]:
     """The orders at the start and at the end, from one for both or a pair."""
-    pair = value if _is_pair(value) else (value, value)
-    for place, order in enumerate(pair):
-        where = f"{name}[{place}]" if pair is value else name
-        _check_whole(where, order, 0, _MAX_END_ORDER, also="" if pair is value else "a pair of such")
-    return int(pair[0]), int(pair[1])
+    if not _is_pair(value):
+        order = _check_whole(name, value, 0, _MAX_END_ORDER, also="a pair of such")
+        return order, order
+    start, end = (_check_whole(f"{name}[{place}]", order, 0, _MAX_END_ORDER) for place, order in enumerate(value))
+    return start, end
 
 
 def _checked_surface_ends(value: object) -> tuple[tuple[int, int], tuple[int, int]]:
-    if not _is_pair(value):
-        _check_whole("end_order", value, 0, _MAX_END_ORDER, also="((u0, u1), (v0, v1))")
-        value = ((value, value), (value, value))
-    if not all(map(_is_pair, value)):
-        raise InputError(f"end_order of a surface must be a whole number or ((u0, u1), (v0, v1)), got {value!r}")
+    if not (_is_pair(value) and all(map(_is_pair, value))):
+        order = _check_whole("end_order", value, 0, _MAX_END_ORDER, also="((u0, u1), (v0, v1)) of such")
+        return (order, order), (order, order)
     return _checked_ends("end_order[0]", value[0]), _checked_ends("end_order[1]", value[1])
 
 
@@ -311,23 +311,27 @@ def _is_pair(value: object) -> TypeGuard[Sequence[Any]]:
     return isinstance(value, Sequence) and not isinstance(value, str) and len(value) == 2
 
 
-def _check_whole(name: str, value: object, least: int, most: int | None, also: str = "") -> None:
-    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-    if whole and value >= least and (most is None or value <= most):  # type: ignore[operator]
-        return
+def _check_whole(name: str, value: object, least: int, most: int | None, also: str = "") -> int:
+    whole = int(value) if isinstance(value, (int, np.integer)) and not isinstance(value, bool) else None
+    if whole is not None and whole >= least and (most is None or whole <= most):
+        return whole
     allowed = f"from {least}" if most is None else f"in [{least}, {most}]"
     raise InputError(f"{name} must be a whole number {allowed}{' or ' + also if also else ''}, got {value!r}")
 
 
 def _bundles(surface: SeparableSurface) -> tuple[Bundle, Bundle]:
     """The curves of each direction through places of the other one."""
-    places_u, places_v = (
-        factors.rows(np.concatenate([[0.0], (nodes(2 * factors.count + 3) + 1) / 2, [1.0]]))
-        for factors in (surface.factors_u, surface.factors_v)
-    )
-    along_u = np.einsum("ijd,jp->ipd", surface.coefficients, places_v)
-    along_v = np.einsum("ijd,ip->jpd", surface.coefficients, places_u)
+    places_u, places_v = (_places(KeyedFactors(factors)) for factors in (surface.factors_u, surface.factors_v))
+    along_u = places_v @ surface.coefficients
+    along_v = places_u @ surface.coefficients.swapaxes(0, 1)
     return Bundle(surface.factors_u, along_u), Bundle(surface.factors_v, along_v)
+
+
+@lru_cache(maxsize=128)
+def _places(kept: KeyedFactors) -> Array:
+    """Values of the factors at places that cover their domain, shape (places, count)."""
+    t = np.concatenate([[0.0], (nodes(2 * kept.factors.count + 3) + 1) / 2, [1.0]])
+    return np.ascontiguousarray(kept.factors.rows(t).T)
 
 
 def _curve_spline(one: Approximation, curve: SeparableCurve) -> BSplineCurve:
@@ -338,9 +342,10 @@ def _curve_spline(one: Approximation, curve: SeparableCurve) -> BSplineCurve:
 
 
 def _surface_spline(a: Approximation, b: Approximation, surface: SeparableSurface) -> BSplineSurface:
-    poles = np.einsum("ui,ijd,vj->uvd", a.matrix, surface.coefficients, b.matrix, optimize=True)
-    spline = BSplineSurface(
-        poles,
+    lines = b.matrix @ surface.coefficients  # (count of u, poles of v, d)
+    poles = (a.matrix @ lines.reshape(len(lines), -1)).reshape(-1, *lines.shape[1:])
+    return BSplineSurface(
+        _snapped(poles),
         a.knots.breaks,
         a.knots.multiplicities,
         a.knots.degree,
@@ -348,19 +353,18 @@ def _surface_spline(a: Approximation, b: Approximation, surface: SeparableSurfac
         b.knots.multiplicities,
         b.knots.degree,
     )
-    return _snapped(spline)
 
 
-def _snapped(spline: BSplineSurface) -> BSplineSurface:
-    """The same surface with boundary rows made equal that coincide, and collapsed ones made one point."""
-    poles = np.array(spline.control_points)
+def _snapped(poles: Array) -> Array:
+    """The same poles with boundary rows made equal that coincide, and collapsed ones made one point."""
+    poles = np.array(poles)
     for rows in (poles, poles.swapaxes(0, 1)):
         for row in (rows[0], rows[-1]):
             if _coincide(row, row[:1], poles):
                 row[:] = row[0]
         if _coincide(rows[0], rows[-1], poles):
             rows[-1] = rows[0]
-    return spline.with_control_points(poles)
+    return poles
 
 
 def _coincide(a: Array, b: Array, poles: Array) -> bool:

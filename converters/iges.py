@@ -46,7 +46,7 @@ def write_iges(
     KernelError
         When the kernel refuses a shape.
     """
-    items = exchange.items_of(parts, full_ellipses_as_splines=True)
+    items = exchange.items_of(parts, halved_ellipses=True)
     least = exchange.checked_tolerance(tolerance)
     data = exchange.iges_bytes(items, tolerance=least, timestamp=timestamp or datetime.now())
     with written_whole(path) as temporary:

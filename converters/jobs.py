@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gtcad._entries import ModelShape
+from gtcad.composite import Composite
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
-from gtcad.converters.part import EllipseArc, Part
+from gtcad.converters.part import EllipseArc, Geometry, Part, Single, Wire
 from gtcad.errors import InputError, ModelError, ToleranceBelowPrecision, ToleranceNotMet
 from gtcad.model import Model
 from gtcad.protocol import SeparableCurve, SeparableSurface, Shape
@@ -32,43 +35,48 @@ class Fitted:
     ----------
     name
         Its name in the model.
-    fit
-        The fit, in mm; None when the tolerance cannot be met.
+    geometry
+        What files hold of it, in mm; None when the tolerance cannot be met.
+    deviation
+        (lower, upper) in mm, the upper one proved.
+    exact
+        Whether the geometry is the shape itself, up to rounding.
     error
-        Why there is no fit; empty when there is one.
-    arc
-        The arc of a circle or an ellipse that the shape is: files hold that, and the fit's deviation is its.
+        Why there is no geometry; empty when there is one.
     """
 
     name: str
-    fit: Fit[Any, Any] | None
+    geometry: Geometry | None
+    deviation: tuple[float, float] = (0.0, math.inf)
+    exact: bool = False
     error: str = ""
-    arc: EllipseArc | None = None
 
     def as_data(self) -> dict[str, Any]:
         """Plain data, for tables and JSON."""
-        if self.fit is None:
+        if self.geometry is None:
             return {"name": self.name, "error": self.error}
-        poles, degrees = sizes(self.arc or self.fit.spline)
+        poles, degrees = sizes(self.geometry)
         return {
             "name": self.name,
             "poles": poles,
             "degree": degrees,
-            "rational": self.arc is None and self.fit.spline.weights is not None,
-            "deviation": list(self.fit.deviation),
-            "exact": self.fit.exact,
+            "rational": any(getattr(edge, "weights", None) is not None for edge in _pieces(self.geometry)),
+            "deviation": list(self.deviation),
+            "exact": self.exact,
             "entity": self.entity,
         }
 
     @property
     def entity(self) -> str:
-        """What a file holds of it: "circle", "ellipse" or "b_spline"."""
-        if self.arc is None:
-            return "b_spline"
-        return "circle" if self.arc.is_circle else "ellipse"
+        """What a file holds of it: "circle", "ellipse", "b_spline", or "wire" for several edges."""
+        if isinstance(self.geometry, Wire):
+            return "wire"
+        if isinstance(self.geometry, EllipseArc):
+            return "circle" if self.geometry.is_circle else "ellipse"
+        return "b_spline"
 
 
-def fit_shapes(shapes: Mapping[str, Shape], settings: Mapping[str, Any]) -> Iterator[Fitted]:
+def fit_shapes(shapes: Mapping[str, ModelShape], settings: Mapping[str, Any]) -> Iterator[Fitted]:
     """Fit the shapes one by one, going on where the tolerance cannot be met.
 
     Parameters
@@ -76,18 +84,27 @@ def fit_shapes(shapes: Mapping[str, Shape], settings: Mapping[str, Any]) -> Iter
     shapes
         By name, in mm.
     settings
-        The keyword arguments of `fit_curve` and `fit_surface`.
+        The keyword arguments of `fit_curve`, `fit_chain` and `fit_surface`.
     """
-    from gtcad.converters.fit import fit_curve, fit_surface
-
     for name, shape in shapes.items():
         try:
-            if isinstance(shape, SeparableCurve):
-                yield _with_arc(name, shape, fit_curve(shape, **settings))
-            else:
-                yield Fitted(name, fit_surface(shape, **settings))
+            yield _fitted(name, shape, settings)
         except (ToleranceNotMet, ToleranceBelowPrecision) as error:
-            yield Fitted(name, None, str(error))
+            yield Fitted(name, None, error=str(error))
+
+
+def _fitted(name: str, shape: ModelShape, settings: Mapping[str, Any]) -> Fitted:
+    from gtcad.converters.chain import fit_chain
+    from gtcad.converters.fit import fit_curve, fit_surface
+
+    if isinstance(shape, Composite):
+        chain = fit_chain(shape, **settings)
+        geometry = chain.edges[0] if len(chain.edges) == 1 else Wire(chain.edges)
+        return Fitted(name, geometry, chain.deviation, chain.exact)
+    if isinstance(shape, SeparableCurve):
+        return _with_arc(name, shape, fit_curve(shape, **settings))
+    fit = fit_surface(shape, **settings)
+    return Fitted(name, fit.spline, fit.deviation, fit.exact)
 
 
 def _with_arc(name: str, shape: SeparableCurve, fit: Fit[Any, Any]) -> Fitted:
@@ -97,17 +114,15 @@ def _with_arc(name: str, shape: SeparableCurve, fit: Fit[Any, Any]) -> Fitted:
     spatial = shape if shape.dimension == 3 else shape.transformed(np.eye(3, 2))
     arc = ellipse_arc(spatial) if fit.exact else None
     if arc is None:
-        return Fitted(name, fit)
+        return Fitted(name, fit.spline, fit.deviation, fit.exact)
     proved = certify_arc(spatial, arc)
-    return Fitted(name, replace(fit, deviation=(proved.lower, proved.upper)), arc=arc)
+    return Fitted(name, arc, (proved.lower, proved.upper), exact=True)
 
 
 def parts_of(fits: Sequence[Fitted], colors: Mapping[str, str]) -> list[Part]:
     """The fitted shapes as parts of a file; colours by name, "#rrggbb"."""
     return [
-        Part(item.name, item.arc or item.fit.spline, color=_rgb(colors.get(item.name)))
-        for item in fits
-        if item.fit is not None
+        Part(item.name, item.geometry, color=_rgb(colors.get(item.name))) for item in fits if item.geometry is not None
     ]
 
 
@@ -197,30 +212,49 @@ def read_parts(path: str, form: str) -> list[Part]:
 
 def describe_model(model: Model) -> dict[str, Any]:
     """Unit, box of the control points in mm, and the shapes of a model, as plain data."""
-    shapes = [_shape_data(name, shape) | {"color": model.colors.get(name)} for name, shape in model.items()]
-    points = [shape.coefficients for shape in model.in_millimetres().values()]
+    shapes = [
+        _shape_data(name, shape) | {"color": model.colors.get(name), "construction": name in model.construction}
+        for name, shape in model.items()
+    ]
+    points = [
+        piece.coefficients
+        for shape in model.in_millimetres().values()
+        for piece in (shape.pieces if isinstance(shape, Composite) else (shape,))
+    ]
     return {"format": "model", "unit": model.unit, "box": _box(points), "shapes": shapes}
 
 
-def _shape_data(name: str, shape: Shape) -> dict[str, Any]:
-    whole: Any = shape.shape if isinstance(shape, RestrictedCurve | RestrictedSurface) else shape
-    is_curve = isinstance(shape, SeparableCurve)
-    families = [whole.family] if is_curve else [whole.family_u, whole.family_v]
-    counts = list(whole.coefficients.shape[:-1])
-    return {
-        "name": name,
-        "kind": "curve" if is_curve else "surface",
-        "families": [family.name for family in families],
-        "degree": [count - 1 for count in counts],
-        "poles": counts,
-        "range": None if whole is shape else shape.range,  # type: ignore[union-attr]
-    }
+def _shape_data(name: str, shape: ModelShape) -> dict[str, Any]:
+    if isinstance(shape, Composite):
+        families = [family for piece in shape.pieces for family in _families(_whole(piece))]
+        counts = [len(piece.coefficients) for piece in shape.pieces]
+        kind, part = "closed composite" if shape.closed else "composite", None
+        degrees = sorted({count - 1 for count in counts})
+        joints = list(shape.orders)
+    else:
+        whole = _whole(shape)
+        families, counts = _families(whole), list(whole.coefficients.shape[:-1])
+        kind = "curve" if isinstance(shape, SeparableCurve) else "surface"
+        part = None if whole is shape else shape.range  # type: ignore[union-attr]
+        degrees, joints = [count - 1 for count in counts], []
+    fields = {"families": list(dict.fromkeys(families)), "degree": degrees, "poles": counts}
+    return {"name": name, "kind": kind, **fields, "range": part, "joints": joints}
+
+
+def _whole(shape: Shape) -> Any:
+    return shape.shape if isinstance(shape, RestrictedCurve | RestrictedSurface) else shape
+
+
+def _families(whole: Any) -> list[str]:
+    return [getattr(whole, field).name for field in ("family", "family_u", "family_v") if hasattr(whole, field)]
 
 
 def describe_parts(parts: Sequence[Part], form: str) -> dict[str, Any]:
     """Box of the control points in mm, and the curves and surfaces of an exchange file, as plain data."""
     points = [
-        _arc_extremes(p.geometry) if isinstance(p.geometry, EllipseArc) else p.geometry.control_points for p in parts
+        _arc_extremes(piece) if isinstance(piece, EllipseArc) else piece.control_points
+        for part in parts
+        for piece in _pieces(part.geometry)
     ]
     return {"format": form, "unit": "mm", "box": _box(points), "shapes": [_part_data(part) for part in parts]}
 
@@ -239,13 +273,20 @@ def _part_data(part: Part) -> dict[str, Any]:
     }
 
 
-def sizes(geometry: BSplineCurve | BSplineSurface | EllipseArc) -> tuple[list[int], list[int]]:
-    """The numbers of poles and the degrees of the directions; none of an ellipse."""
+def sizes(geometry: Geometry) -> tuple[list[int], list[int]]:
+    """The numbers of poles and the degrees of the directions; none of an ellipse; those of the edges of a wire."""
+    if isinstance(geometry, Wire):
+        found = [sizes(edge) for edge in geometry.edges]
+        return [n for poles, _ in found for n in poles], sorted({n for _, degrees in found for n in degrees})
     if isinstance(geometry, EllipseArc):
         return [], []
     if isinstance(geometry, BSplineCurve):
         return list(geometry.control_points.shape[:1]), [geometry.degree]
     return list(geometry.control_points.shape[:2]), [geometry.degree_u, geometry.degree_v]
+
+
+def _pieces(geometry: Geometry) -> tuple[Single, ...]:
+    return geometry.edges if isinstance(geometry, Wire) else (geometry,)
 
 
 def _arc_extremes(arc: EllipseArc) -> Array:

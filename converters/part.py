@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -13,6 +14,7 @@ from gtcad.errors import InputError
 
 Array = NDArray[np.float64]
 Color = tuple[float, float, float]
+MEETING = 1e-10  # mm: what still is one point
 _SQUARE = 1e-9  # cosine of the axes' angle that still counts as a right angle
 _TURN = 2 * np.pi * (1 + 1e-15)
 
@@ -106,7 +108,47 @@ class TrimmedFace:
     area: float
 
 
-Geometry = BSplineCurve | BSplineSurface | EllipseArc
+@dataclass(frozen=True, eq=False)
+class Wire:
+    """Curves end to end: they become the edges of one wire and share its vertices.
+
+    Parameters
+    ----------
+    edges
+        In mm, in space, each beginning where the one before ends, to the last digit for splines.
+
+    Raises
+    ------
+    InputError
+        When there are none, or two do not meet.
+    """
+
+    edges: tuple[BSplineCurve | EllipseArc, ...]
+
+    def __post_init__(self) -> None:
+        if not self.edges:
+            raise InputError("a wire needs at least one edge")
+        for k, (a, b) in enumerate(itertools.pairwise(self.edges)):
+            gap = float(np.linalg.norm(ends_of(a)[1] - ends_of(b)[0]))
+            if gap > MEETING:
+                raise InputError(f"edges {k} and {k + 1} of a wire must meet, they are {gap:.3g} mm apart")
+
+    @property
+    def closed(self) -> bool:
+        """Whether the last edge ends where the first begins."""
+        return bool(np.linalg.norm(ends_of(self.edges[-1])[1] - ends_of(self.edges[0])[0]) <= MEETING)
+
+
+def ends_of(edge: BSplineCurve | EllipseArc) -> Array:
+    """The first and the last point of an edge in space, shape (2, 3)."""
+    if isinstance(edge, EllipseArc):
+        return edge.evaluate(np.array([edge.start, edge.end]))
+    points = edge.control_points[[0, -1]]
+    return np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
+
+
+Single = BSplineCurve | BSplineSurface | EllipseArc
+Geometry = Single | Wire
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +160,8 @@ class Part:
     name
         Any text, or empty.
     geometry
-        A curve becomes an edge, a surface a face bounded by its whole parameter rectangle. In mm.
+        A curve becomes an edge, a surface a face bounded by its whole parameter rectangle. In mm. What is read is never
+        a `Wire`: each of its edges is a part of its name.
     color
         Red, green and blue in [0, 1], the numbers that a colour picker shows (sRGB), or None. Files keep six decimals.
     source
@@ -138,7 +181,7 @@ class Part:
     Raises
     ------
     InputError
-        When the name is not a text, the geometry of none of the three kinds, or a colour out of range.
+        When the name is not a text, the geometry of none of the four kinds, or a colour out of range.
     """
 
     name: str
@@ -155,9 +198,9 @@ class Part:
         geometry: object = self.geometry
         if not isinstance(name, str):
             raise InputError(f"name must be a text, got {name!r}")
-        if not isinstance(geometry, BSplineCurve | BSplineSurface | EllipseArc):
+        if not isinstance(geometry, BSplineCurve | BSplineSurface | EllipseArc | Wire):
             kind = type(geometry).__name__
-            raise InputError(f"geometry must be a BSplineCurve, BSplineSurface or EllipseArc, got {kind}")
+            raise InputError(f"geometry must be a BSplineCurve, BSplineSurface, EllipseArc or Wire, got {kind}")
         if self.color is not None:
             object.__setattr__(self, "color", _checked_color(self.color))
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import groupby
 from typing import TypeVar
 
 import numpy as np
@@ -25,7 +26,10 @@ Proof = Callable[[Approximation], Proved | None]
 PairProof = Callable[[Approximation, Approximation], Proved | None]
 
 _ADAPTATION_GAIN = 12.0  # adapted knots have not been seen to divide the error of equidistributed ones by more
-_MARGIN = 0.93  # of the goal: the true maximum lies a little above the largest sample
+_MARGIN = 0.97  # of the goal: the true maximum lies a little above the largest sample
+_FIRST_SPANS = 4  # where the search for the first number of poles begins
+_GUESSES = 64  # 2 to the power of the guesses that may be made before it bisects
+_WORST = 48  # samples of one direction that stand for all when it is combined with the other one
 _CHOICES = 10  # numbers of poles of one direction that are paired with those of the other
 
 
@@ -126,7 +130,7 @@ class Side:
         return degree, degree - self._multiplicity(degree), self.end_order
 
     def _measured(self, one: Approximation) -> Approximation:
-        return replace(one, error=float(self.bundle.norms(one.residual).max()))
+        return replace(one, errors=self.bundle.norms(one.residual))
 
     def _multiplicity(self, degree: int) -> int:
         return 1 if self.continuity is None else degree - self.continuity
@@ -139,7 +143,7 @@ def _polynomial(bundle: Bundle, matrix: Array) -> Approximation:
     degree = len(matrix) - 1
     knots = Knots.smooth((0.0, 1.0), degree)
     values = bundle.factors.rows(np.array([0.0, 0.5, 1.0])).T
-    return Approximation(knots, matrix, values, np.zeros_like(values), 0.0)
+    return Approximation(knots, matrix, values, np.zeros_like(values), np.zeros(3))
 
 
 def fewest(side: Side, goal: float, proof: Proof[Proved], *, adapt: bool) -> Proved | None:
@@ -192,22 +196,28 @@ def _numbers(side: Side, goal: float) -> Iterator[int]:
 
 
 def _first_within(side: Side, goal: float) -> int | None:
-    """By doubling and bisection; the error is taken to fall with the number of poles."""
+    """From the power law of the error, then by bisection; the error is taken to fall with the number of poles."""
 
     def within(poles: int) -> bool:
         one = side.kind(poles)
         return one is not None and one.error <= goal
 
-    below, step = side.least - 1, 1
-    while not within(min(below + step, side.most)):
-        below = min(below + step, side.most)
-        if below == side.most:
-            return None
-        step *= 2
-    above = min(below + step, side.most)
+    below, above, stride = side.least - 1, side.most + 1, 1
+    poles = min(side.least + _FIRST_SPANS, side.most)
     while above - below > 1:
-        middle = (above + below) // 2
-        below, above = (below, middle) if within(middle) else (middle, above)
+        one, passed = side.kind(poles), within(poles)
+        below, above = (below, poles) if passed else (poles, above)
+        guess = poles + (_step(one, goal) or (-1 if passed else 1))
+        stride *= 2
+        if above > side.most:
+            guess = max(guess, below + stride // 2)
+        elif stride > _GUESSES:
+            guess = (below + above) // 2
+        poles = min(max(guess, below + 1), above - 1)
+    if above > side.most:
+        return None
+    while above - 2 >= side.least and within(above - 2):  # odd and even numbers may differ
+        above -= 2
     return above
 
 
@@ -251,6 +261,7 @@ def fewest_pair(
     return _lower_degree(v, b, 0.5 * goal, lambda one: passing(a, one), found)[1]
 
 
+_Index = slice | NDArray[np.int_]
 _Pair = tuple[Approximation, Approximation]
 _Source = Callable[[Side, int], Approximation | None]
 
@@ -264,43 +275,57 @@ def _search_pair(
     limit: float,
 ) -> tuple[_Pair, Proved] | None:
     """The first pair that passes, in the order of their products of poles, below the limit."""
-    choices_u, choices_v = (list(_choices(side, goal, source)) for side in (u, v))
-    pairs = sorted(
-        ((a, b) for a in choices_u for b in choices_v if a.knots.poles * b.knots.poles < limit),
-        key=lambda pair: (pair[0].knots.poles * pair[1].knots.poles, pair[0].error + pair[1].error),
-    )
-    return next((found for pair in pairs if (found := passing(*pair)) is not None), None)
+    rows, columns = _Choices(u, goal, source), _Choices(v, goal, source)
+    sizes = sorted((p * q, i, j) for i, p in enumerate(rows.numbers) for j, q in enumerate(columns.numbers))
+    for _, group in groupby(sizes, key=lambda size: size[0]):
+        pairs = [(a, b) for _, i, j in group if (a := rows[i]) is not None and (b := columns[j]) is not None]
+        for a, b in sorted(pairs, key=lambda pair: pair[0].error + pair[1].error):
+            if a.knots.poles * b.knots.poles < limit and (found := passing(a, b)) is not None:
+                return found
+    return None
 
 
-def _choices(side: Side, goal: float, source: _Source) -> Iterator[Approximation]:
-    """Approximations with more and more poles, from the first within the goal to one far below it."""
-    first = _first_within(side, goal)
-    if first is None:
-        return
-    step = max(1, first // 24)
-    poles = first
-    while source is not Side.kind and poles > side.least:
-        one = source(side, poles - step)
-        if one is None or one.error > goal:
-            break
-        poles -= step
-    for _ in range(_CHOICES):
-        one = source(side, poles)
-        if one is not None and one.error <= goal:
-            yield one
-            if one.error < 0.05 * goal:
+class _Choices:
+    """Approximations with more and more poles, from the first within the goal to one far below it, made on demand."""
+
+    def __init__(self, side: Side, goal: float, source: _Source) -> None:
+        self.side, self.goal, self.source = side, goal, source
+        self.made: list[Approximation | None] = []
+        first = _first_within(side, goal)
+        if first is None:
+            self.numbers = range(0)
+            return
+        step = max(1, first // 24)
+        while source is not Side.kind and first > side.least:
+            one = source(side, first - step)
+            if one is None or one.error > goal:
                 break
-        poles += step
+            first -= step
+        self.numbers = range(first, first + _CHOICES * step, step)
+
+    def __getitem__(self, index: int) -> Approximation | None:
+        """None when it is not within the goal, or when one with fewer poles is far below it."""
+        while len(self.made) <= index:
+            last = self.made[-1] if self.made else None
+            if last is not None and last.error < 0.05 * self.goal:
+                return None
+            one = self.source(self.side, self.numbers[len(self.made)])
+            self.made.append(one if one is not None and one.error <= self.goal else None)
+        return self.made[index]
 
 
 def _combined(a: Approximation, b: Approximation, coefficients: Array) -> float:
-    """Largest error of the tensor product on the samples of both."""
+    """Largest error of the tensor product where one of the two is worst, on the samples of both."""
     if a.error + b.error == 0:
         return 0.0
-    swapped = coefficients.swapaxes(1, 2)
-    count, dimension, other = swapped.shape
+    worst_a, worst_b = (np.argsort(-one.errors)[:_WORST] for one in (a, b))
+    along_a = _difference(a, b, worst_a, slice(None), coefficients)
+    return max(along_a, _difference(a, b, slice(None), worst_b, coefficients))
+
+
+def _difference(a: Approximation, b: Approximation, rows: _Index, columns: _Index, coefficients: Array) -> float:
+    swapped = coefficients.transpose(2, 0, 1)
     # S - spline = F c G - (F - f) c (G - g) = F c g + f c (G - g), with f and g the residuals
-    whole, rest = ((rows @ swapped.reshape(count, -1)).reshape(-1, other) for rows in (a.values, a.residual))
-    difference = whole @ b.residual.T + rest @ (b.values - b.residual).T
-    squares = np.square(difference).reshape(-1, dimension, difference.shape[1]).sum(axis=1)
-    return math.sqrt(float(squares.max()))
+    rest = b.residual[columns]
+    difference = a.values[rows] @ swapped @ rest.T + a.residual[rows] @ swapped @ (b.values[columns] - rest).T
+    return math.sqrt(float(np.einsum("dij,dij->ij", difference, difference).max()))

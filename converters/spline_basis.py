@@ -8,6 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 Array = NDArray[np.float64]
 EndOrder = int | tuple[int, int]  # derivatives that are exact at both ends, or at the start and at the end
@@ -68,7 +69,7 @@ class Knots:
     @property
     def spans(self) -> int:
         """Number of spans in the window."""
-        return self.meant.stop - self.meant.start
+        return int(self.meant.stop - self.meant.start)
 
     @property
     def poles(self) -> int:
@@ -151,6 +152,94 @@ def _end_triangle(flat: Array, degree: int, order: int) -> Array:
         gaps = flat[degree + 1 : degree + 1 + len(low)] - low
         poles = np.diff(poles, axis=0) / gaps[:, None]
     return triangle
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled:
+    """Values of functions of small support at many parameters, as triplets."""
+
+    values: Array
+    rows: NDArray[np.int_]
+    columns: NDArray[np.int_]
+    shape: tuple[int, int]
+
+    def dense(self) -> Array:
+        """Shape (parameters, functions)."""
+        matrix = np.zeros(self.shape)
+        matrix[self.rows, self.columns] = self.values
+        return matrix
+
+    def sparse(self) -> csr_array:
+        """The same with the zeros left out."""
+        return csr_array((self.values, (self.rows, self.columns)), shape=self.shape)
+
+
+def sampled(flat: Array, degree: int, t: Array) -> Sampled:
+    """All basis functions of flat knots at parameters inside."""
+    span = np.searchsorted(flat, t, "right") - 1
+    near = flat[span + np.arange(1 - degree, degree + 1)[:, None]]
+    values = np.ones((1, len(t)))
+    for step in range(1, degree + 1):
+        low = near[degree - step : degree]
+        ramps = (t - low) / (near[degree : degree + step] - low)
+        raised = ramps * values
+        values = np.concatenate([values - raised, np.zeros((1, len(t)))])
+        values[1:] += raised
+    columns = span - np.arange(degree, -1, -1)[:, None]
+    rows = np.broadcast_to(np.arange(len(t)), columns.shape)
+    return Sampled(values.reshape(-1), rows.reshape(-1), columns.reshape(-1), (len(t), len(flat) - degree - 1))
+
+
+def doubled(flat: Array, degree: int, end_order: tuple[int, int], t: Array) -> tuple[Sampled, Array]:
+    """For each interior knot a B-spline that has it as a double knot, and the jump of its derivative there.
+
+    Parameters
+    ----------
+    flat
+        Flat knots, the interior ones simple.
+    degree
+        p.
+    end_order
+        The B-splines' derivatives up to these vanish at the start and at the end.
+    t
+        Ascending parameters, shape (m,).
+
+    Returns
+    -------
+    Sampled, Array
+        Values, shape (m, interior knots), and the jumps of the (p - 1)-th derivatives over p!, shape (interior knots,).
+    """
+    inner = np.arange(degree + 1, len(flat) - degree - 1)
+    first = np.clip(inner - degree // 2, end_order[0] + 1, len(flat) - degree - 2 - end_order[1])
+    place = inner - first
+    window = np.arange(degree + 2)
+    near = flat[(first[:, None] + window - (window > place[:, None])).T]
+    low, high = np.searchsorted(t, near[0], "right"), np.searchsorted(t, near[-1], "left")
+    columns = np.repeat(np.arange(len(inner)), high - low)
+    rows = np.arange(len(columns)) + (low - np.cumsum(high - low) + high - low)[columns]
+    values = _b_spline(near[:, columns], t[rows])
+    gaps = flat[inner] - near
+    gaps[place, np.arange(len(inner))] = gaps[place + 1, np.arange(len(inner))] = 1.0
+    jumps = (near[-1] - near[0]) / gaps.prod(axis=0) * (-1.0) ** degree
+    return Sampled(values, rows, columns, (len(t), len(inner))), jumps
+
+
+def _b_spline(near: Array, t: Array) -> Array:
+    """Cox-de Boor recursion for one function at each parameter, its own knots in the column of ``near``."""
+    values = ((near[:-1] <= t) & (t < near[1:])).astype(np.float64)
+    for step in range(1, len(near) - 1):
+        gaps = near[step:] - near[:-step]
+        ramps = np.divide(t - near[:-step], gaps, out=np.zeros_like(gaps), where=gaps > 0)
+        raised = ramps * values
+        values = raised[:-1] + values[1:] - raised[1:]
+    return np.asarray(values[0])
+
+
+def top_jumps(poles: Array, flat: Array, degree: int) -> Array:
+    """Jumps of the spline's p-th derivative over p! at its interior knots, all simple, shape (interior knots, d)."""
+    for k in range(1, degree + 1):
+        poles = np.diff(poles, axis=0) / (flat[degree + 1 : len(flat) - k] - flat[k : len(flat) - degree - 1])[:, None]
+    return np.asarray(np.diff(poles, axis=0))
 
 
 def dense(local: Array, columns: NDArray[np.int_], poles: int) -> Array:

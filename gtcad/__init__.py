@@ -23,10 +23,15 @@ if TYPE_CHECKING:
     from gtcad.restricted import Restricted as Restricted
     from gtcad.surface import Surface as Surface
 
+    from . import combs as combs
+    from . import conics as conics
     from . import continuity as continuity
     from . import converters as converters
     from . import differential as differential
     from . import measure as measure
+    from . import patches as patches
+    from . import pictures as pictures
+    from . import queries as queries
 
 __version__ = "0.1.0"
 
@@ -43,11 +48,16 @@ __getattr__, __dir__, __all__ = lazy_names(
         "Model": "model",
         "Restricted": "restricted",
         "Surface": "surface",
+        "combs": "combs",
+        "conics": "conics",
         "continuity": "continuity",
         "converters": "converters",
         "differential": "differential",
         "dump_model": "model",
         "load_model": "model",
         "measure": "measure",
+        "patches": "patches",
+        "pictures": "pictures",
+        "queries": "queries",
     },
 )

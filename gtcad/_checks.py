@@ -16,6 +16,7 @@ from gtcad.basis import FAMILIES, MAX_DEGREE
 
 MAX_NAME = 200
 MAX_COORDINATE = 1e50  # curvature needs sixth powers of lengths, which must stay finite
+MAX_ANGLE = 1e6  # degrees: more only loses digits
 MIN_RANGE = 1e-9  # as in gtcad.protocol.domain_part
 MESSAGE = "gtcad"  # the type under which pydantic carries our messages
 
@@ -214,3 +215,75 @@ def _point_problems(points: Sequence[tuple[Location, Any]], sizes: tuple[int, ..
             problem = _number_problem(coordinate)
             if problem is not None:
                 yield (*location, index), problem
+
+
+def yes_or_no(value: Any, info: ValidationInfo) -> Any:
+    """Refuse what is neither true nor false."""
+    if not isinstance(value, bool):
+        refuse([((), f"must be true or false, got {shown(value)}")])
+    return value
+
+
+def point(*sizes: int) -> Check:
+    """A check of one point or vector."""
+    return lambda value, info: _checked(value, _point_problems([((), value)], sizes))
+
+
+def positive(value: Any, info: ValidationInfo) -> Any:
+    """Refuse what is not a number above 0."""
+    problem = _number_problem(value)
+    if problem is None and not value > 0:
+        problem = f"must be above 0, got {shown(value)}"
+    if problem is not None:
+        refuse([((), problem)])
+    return value
+
+
+def triangle(value: Any, info: ValidationInfo) -> Any:
+    """Refuse what is not three points of one dimension."""
+    return _checked(value, _triangle_problems(value))
+
+
+def _triangle_problems(value: Any) -> Iterator[Problem]:
+    if not isinstance(value, list) or len(value) != 3:
+        yield (), f"must be three points, got {shown(value)}"
+    else:
+        yield from _curve_problems(value, None)
+
+
+def angles(value: Any, info: ValidationInfo) -> Any:
+    """Refuse what is not a pair of numbers."""
+    return tuple(_checked(value, _interval_problems(value, "two angles in degrees", -MAX_ANGLE, MAX_ANGLE)))
+
+
+def orders(value: Any, info: ValidationInfo) -> Any:
+    """Refuse what is not an order of continuity, or a list of them."""
+    return _checked(value, _order_problems(value))
+
+
+def _order_problems(value: Any) -> Iterator[Problem]:
+    wanted = "must be one of C0 to C3 and G0 to G3"
+    if not isinstance(value, str | list):
+        yield (), f"{wanted}, or a list of them, got {shown(value)}"
+        return
+    entries: list[tuple[Location, Any]] = [((), value)]
+    if isinstance(value, list):
+        entries = [((k,), entry) for k, entry in enumerate(value)]
+    for location, entry in entries:
+        if not (isinstance(entry, str) and re.fullmatch("[CG][0-3]", entry)):
+            yield location, f"{wanted}, got {shown(entry)}"
+
+
+def places(value: Any, info: ValidationInfo) -> Any:
+    """Refuse what is not a list of pairs of whole numbers from 0."""
+    return [tuple(pair) for pair in _checked(value, _place_problems(value))]
+
+
+def _place_problems(value: Any) -> Iterator[Problem]:
+    if not isinstance(value, list):
+        yield (), f"must be a list of pairs [piece, control point], got {shown(value)}"
+        return
+    for index, pair in enumerate(value):
+        whole = isinstance(pair, list) and len(pair) == 2 and all(type(entry) is int and entry >= 0 for entry in pair)
+        if not whole:
+            yield (index,), f"must be a pair of whole numbers from 0, got {shown(pair)}"

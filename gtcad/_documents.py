@@ -136,7 +136,8 @@ def document_text(document: Mapping[str, Any], suffix: str) -> str:
     Parameters
     ----------
     document
-        The fields of the file; ``shape`` last, a list of mappings whose values are strings, numbers or lists.
+        The fields of the file; ``shape`` last, a list of mappings whose values are strings, numbers, truth values,
+        lists, or such mappings.
     suffix
         ``.json`` or ``.toml``.
     """
@@ -147,33 +148,44 @@ def document_text(document: Mapping[str, Any], suffix: str) -> str:
 def _toml_text(head: list[tuple[str, Any]], shapes: list[dict[str, Any]]) -> str:
     lines = [f"{key} = {_value(value, '')}" for key, value in head]
     for shape in shapes:
-        lines += ["", "[[shape]]", *(f"{key} = {_value(value, '')}" for key, value in shape.items())]
+        lines += ["", "[[shape]]", *_toml_table(shape, "shape")]
     return "\n".join(lines) + "\n"
+
+
+def _toml_table(table: dict[str, Any], path: str) -> Iterator[str]:
+    """The lines of a table, those of the tables in it last."""
+    inner = {key: value for key, value in table.items() if _is_table(value)}
+    yield from (f"{key} = {_value(value, '')}" for key, value in table.items() if key not in inner)
+    for key, value in inner.items():
+        heading = f"{path}.{key}"
+        if isinstance(value, dict):
+            yield from ("", f"[{heading}]", *_toml_table(value, heading))
+        else:
+            for entry in value:
+                yield from ("", f"[[{heading}]]", *_toml_table(entry, heading))
+
+
+def _is_table(value: Any) -> bool:
+    return isinstance(value, dict) or (isinstance(value, list) and any(isinstance(entry, dict) for entry in value))
 
 
 def _json_text(head: list[tuple[str, Any]], shapes: list[dict[str, Any]]) -> str:
     fields = "".join(f'  "{key}": {_value(value, "  ")},\n' for key, value in head)
-    return "{\n" + fields + '  "shape": [\n' + ",\n".join(_json_shapes(shapes)) + "\n  ]\n}\n"
-
-
-def _json_shapes(shapes: list[dict[str, Any]]) -> Iterator[str]:
-    for shape in shapes:
-        yield (
-            "    {\n"
-            + ",\n".join(f'      "{key}": {_value(value, "      ")}' for key, value in shape.items())
-            + "\n    }"
-        )
+    return "{\n" + fields + '  "shape": ' + _value(shapes, "  ") + "\n}\n"
 
 
 def _value(value: Any, indent: str) -> str:
-    """A string, number or nested list, written so that both JSON and TOML read it."""
-    if isinstance(value, str):
+    """A value, written so that both JSON and TOML read it; mappings for JSON only."""
+    if isinstance(value, str | bool):
         return json.dumps(value, ensure_ascii=False)
+    inner = indent + "  "
+    if isinstance(value, dict):
+        fields = (f'{inner}"{key}": {_value(entry, inner)}' for key, entry in value.items())
+        return "{\n" + ",\n".join(fields) + f"\n{indent}}}"
     if not isinstance(value, list):
         if not math.isfinite(value):
             raise ValueError(f"{value} has no place in a model file")
         return repr(value)
-    if not any(isinstance(entry, list) for entry in value):
+    if not any(isinstance(entry, list | dict) for entry in value):
         return "[" + ", ".join(_value(entry, "") for entry in value) + "]"
-    inner = indent + "  "
     return "[\n" + ",\n".join(inner + _value(entry, inner) for entry in value) + f"\n{indent}]"

@@ -1,4 +1,4 @@
-"""The kinds of shape that a model file can hold: how each is written, checked, and made into a shape.
+"""The entries of a model file: one class for each kind of shape.
 
 A new kind is a subclass of `ShapeEntry` with a `kind` of its own, listed in `Entry` and `ENTRIES`, and a branch in
 `entry_of`.
@@ -6,116 +6,47 @@ A new kind is a subclass of `ShapeEntry` with a `kind` of its own, listed in `En
 
 from __future__ import annotations
 
-import abc
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BeforeValidator, Field
 
 from gtcad import _checks as checks
-from gtcad.basis import FAMILIES, Family
-from gtcad.curve import Curve
+from gtcad._curve_kinds import (
+    ArcEntry,
+    CircleEntry,
+    CompositeEntry,
+    CurveEntry,
+    EllipseEntry,
+    ParabolaEntry,
+    chain_data,
+    curve_data,
+)
+from gtcad._entries import ModelShape, ShapeEntry, Strict
+from gtcad._surface_kinds import SurfaceEntry, surface_data
+from gtcad.composite import Composite
 from gtcad.errors import InputError
-from gtcad.protocol import Shape
-from gtcad.restricted import Restricted, RestrictedCurve, RestrictedSurface
-from gtcad.surface import Surface
+from gtcad.protocol import SeparableCurve
+from gtcad.restricted import RestrictedCurve, RestrictedSurface
 
 VERSION = 1
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4, "ft": 304.8}
 
-FamilyName = Annotated[Literal["GT", "bernstein"], BeforeValidator(checks.one_of(*FAMILIES))]
-OptionalFamily = Annotated[
-    Literal["GT", "bernstein"] | None, BeforeValidator(checks.optional(checks.one_of(*FAMILIES)))
+Entry = Annotated[
+    CurveEntry | CompositeEntry | CircleEntry | EllipseEntry | ArcEntry | ParabolaEntry | SurfaceEntry,
+    Field(discriminator="kind"),
 ]
-Color = Annotated[str, Field(pattern="^#[0-9a-fA-F]{6}$")]
-DesignVariable = Annotated[float, Field(ge=-1, le=1)]
-DesignVariables = tuple[DesignVariable, DesignVariable] | None
-Parameter = Annotated[float, Field(ge=0, le=1)]
-Interval = tuple[Parameter, Parameter]
-CurvePoint = Annotated[list[float], Field(min_length=2, max_length=3)]
-SurfacePoint = Annotated[list[float], Field(min_length=3, max_length=3)]
-Row = Annotated[list[SurfacePoint], Field(min_length=2, max_length=61)]
+ENTRIES: dict[str, type[ShapeEntry]] = {
+    "curve": CurveEntry,
+    "composite": CompositeEntry,
+    "circle": CircleEntry,
+    "ellipse": EllipseEntry,
+    "arc": ArcEntry,
+    "parabola": ParabolaEntry,
+    "surface": SurfaceEntry,
+}
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
-
-
-class ShapeEntry(_Strict, abc.ABC):
-    """What every kind of shape has."""
-
-    name: Annotated[str, BeforeValidator(checks.name)] = Field(
-        description="What the shape is called, here and in exchange files: unique in the file, printable.",
-        min_length=1,
-        max_length=checks.MAX_NAME,
-    )
-    color: Annotated[Color | None, BeforeValidator(checks.optional(checks.color))] = Field(
-        default=None, description="Red, green and blue (sRGB), as #rrggbb.", examples=["#1f77b4"]
-    )
-
-    @abc.abstractmethod
-    def build(self) -> Shape:
-        """The shape, in the model's unit."""
-
-
-class CurveEntry(ShapeEntry):
-    """A GT-Bezier or Bezier curve, or a part of one."""
-
-    kind: Literal["curve"]
-    family: FamilyName = Field(default="GT", description="The basis: generalized trigonometric, or classical Bezier.")
-    gamma: Annotated[DesignVariables, BeforeValidator(checks.optional(checks.gamma("family")))] = Field(
-        default=None, description="Design variables gamma_1, gamma_2; (0, 0) when left out; none for bernstein."
-    )
-    range: Annotated[Interval | None, BeforeValidator(checks.optional(checks.interval))] = Field(
-        default=None,
-        description="The part of the parameter interval [0, 1] that is meant; from a to b, also backwards.",
-    )
-    control_points: Annotated[list[CurvePoint], BeforeValidator(checks.curve_points)] = Field(
-        description="The degree + 1 points [x, y] or [x, y, z] in the file's unit; degree 2 to 60, bernstein from 1.",
-        min_length=2,
-        max_length=61,
-    )
-
-    def build(self) -> Shape:
-        """The curve, restricted to its range if it has one."""
-        curve = Curve(self.control_points, self.gamma or (0.0, 0.0), FAMILIES[self.family])
-        return curve if self.range is None else Restricted(curve, self.range)
-
-
-class SurfaceEntry(ShapeEntry):
-    """A GT-Bezier or Bezier tensor-product surface, or a part of one."""
-
-    kind: Literal["surface"]
-    family: FamilyName = Field(default="GT", description="The basis of both directions.")
-    family_u: OptionalFamily = Field(default=None, description="The basis of the u direction, where it is another one.")
-    family_v: OptionalFamily = Field(default=None, description="The basis of the v direction, where it is another one.")
-    gamma_u: Annotated[DesignVariables, BeforeValidator(checks.optional(checks.gamma("family_u", "family")))] = Field(
-        default=None, description="Design variables of u; (0, 0) when left out; none for bernstein."
-    )
-    gamma_v: Annotated[DesignVariables, BeforeValidator(checks.optional(checks.gamma("family_v", "family")))] = Field(
-        default=None, description="Design variables of v; (0, 0) when left out; none for bernstein."
-    )
-    range: Annotated[tuple[Interval, Interval] | None, BeforeValidator(checks.optional(checks.rectangle))] = Field(
-        default=None, description="The part of the domain that is meant: the range of u, then that of v, in [0, 1]."
-    )
-    control_points: Annotated[list[Row], BeforeValidator(checks.net)] = Field(
-        description="Rows of points [x, y, z] in the file's unit, equally long; u runs from row to row, v along a row.",
-        min_length=2,
-        max_length=61,
-    )
-
-    def build(self) -> Shape:
-        """The surface, restricted to its range if it has one."""
-        none = (0.0, 0.0)
-        families = (FAMILIES[name or self.family] for name in (self.family_u, self.family_v))
-        surface = Surface(self.control_points, self.gamma_u or none, self.gamma_v or none, *families)
-        return surface if self.range is None else Restricted(surface, self.range)
-
-
-Entry = Annotated[CurveEntry | SurfaceEntry, Field(discriminator="kind")]
-ENTRIES: dict[str, type[ShapeEntry]] = {"curve": CurveEntry, "surface": SurfaceEntry}
-
-
-class ModelFile(_Strict):
+class ModelFile(Strict):
     """A model of gtcad: curves and surfaces by name, all lengths in one unit."""
 
     gtcad: Annotated[Literal[1], BeforeValidator(checks.one_of(VERSION))] = Field(
@@ -127,7 +58,7 @@ class ModelFile(_Strict):
     shape: list[Entry] = Field(description="The shapes, in the order in which they are exported.", min_length=1)
 
 
-def entry_of(name: str, shape: Shape, color: str | None) -> dict[str, Any]:
+def entry_of(name: str, shape: ModelShape, color: str | None, *, construction: bool = False) -> dict[str, Any]:
     """A shape as the plain data of its entry in a model file.
 
     Raises
@@ -135,41 +66,30 @@ def entry_of(name: str, shape: Shape, color: str | None) -> dict[str, Any]:
     InputError
         When no kind of a model file can hold such a shape.
     """
-    whole = shape.shape if isinstance(shape, RestrictedCurve | RestrictedSurface) else shape
-    if isinstance(whole, Curve):
-        kind, fields = "curve", _curve_fields(whole)
-    elif isinstance(whole, Surface):
-        kind, fields = "surface", _surface_fields(whole)
-    else:
-        raise InputError(f"shape {name!r}: a model file cannot hold {type(shape).__name__} of {type(whole).__name__}")
-    data: dict[str, Any] = {"name": name, "kind": kind}
+    data: dict[str, Any] = {"name": name, "kind": ""}
     if color is not None:
         data["color"] = color
-    data |= fields
-    if isinstance(shape, RestrictedCurve):
-        data["range"] = list(shape.range)
-    elif isinstance(shape, RestrictedSurface):
-        data["range"] = [list(side) for side in shape.range]
-    return data | {"control_points": whole.control_points.tolist()}
+    if construction:
+        data["construction"] = True
+    try:
+        kind, fields = _fields(shape)
+    except InputError as error:
+        raise InputError(f"shape {name!r}: {error}") from None
+    return data | {"kind": kind} | fields
 
 
-def _curve_fields(curve: Curve) -> dict[str, Any]:
-    return _basis_fields("family", curve.family) | _gamma_fields("gamma", curve.gamma, curve.family)
-
-
-def _surface_fields(surface: Surface) -> dict[str, Any]:
-    family_u, family_v = surface.family_u, surface.family_v
-    if family_u == family_v:
-        families = _basis_fields("family", family_u)
+def _fields(shape: ModelShape) -> tuple[str, dict[str, Any]]:
+    fields: dict[str, Any] | None
+    if isinstance(shape, Composite):
+        found = chain_data(shape)
+        if found is not None:
+            return found
+        raise InputError("a model file cannot hold a chain with such pieces")
+    if isinstance(shape, SeparableCurve):
+        kind, fields = "curve", curve_data(shape)
     else:
-        families = _basis_fields("family_u", family_u) | _basis_fields("family_v", family_v)
-    gammas = _gamma_fields("gamma_u", surface.gamma_u, family_u) | _gamma_fields("gamma_v", surface.gamma_v, family_v)
-    return families | gammas
-
-
-def _basis_fields(field: str, family: Family) -> dict[str, Any]:
-    return {} if family.name == "GT" else {field: family.name}
-
-
-def _gamma_fields(field: str, gamma: tuple[float, float], family: Family) -> dict[str, Any]:
-    return {field: list(gamma)} if family.takes_gamma else {}
+        kind, fields = "surface", surface_data(shape)
+    if fields is None:
+        whole = shape.shape if isinstance(shape, RestrictedCurve | RestrictedSurface) else shape
+        raise InputError(f"a model file cannot hold {type(shape).__name__} of {type(whole).__name__}")
+    return kind, fields

@@ -7,10 +7,13 @@ import decimal
 import json
 import math
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from gtcad.continuity import JoinReport
+    from gtcad.converters.check import Report
     from gtcad.converters.doctor import Diagnosis
 
 NAME = "name"  # the column that gives way when a table gets too wide
@@ -104,9 +107,60 @@ def export_row(shape: Mapping[str, Any]) -> list[str]:
         return [shape["name"], "-", "-", "-", "failed"]
     form = "exact" if shape["exact"] else "fitted"
     if shape["entity"] != "b_spline":
-        form = f"exact {shape['entity']}"
-    poles, degree = (product(shape[key]) or "-" for key in ("poles", "degree"))
+        form += f" {shape['entity']}"
+    degree, poles = _sizes(shape)
     return [shape["name"], poles, degree, interval(shape["deviation"]), form]
+
+
+def report_data(report: Report) -> dict[str, Any]:
+    """What a check found, as plain data."""
+    rows = [
+        {
+            "name": row.name,
+            "verdict": row.verdict,
+            "deviation": None if row.deviation is None else list(row.deviation),
+            "method": row.method,
+            "remark": row.remark,
+        }
+        for row in report.rows
+    ]
+    joints = [
+        {
+            "name": joint.name,
+            "wanted": joint.wanted,
+            "found": joint.report.order,
+            "gap": joint.report.gap,
+            "tangent_angle_deg": joint.report.tangent_angle_deg,
+            "curvature_jump": joint.report.curvature_jump,
+            "curvature_rate_jump": joint.report.curvature_rate_jump,
+            "torsion_jump": joint.report.torsion_jump,
+        }
+        for joint in report.joints
+    ]
+    return {"shapes": rows, "joints": joints, "extra": list(report.extra)}
+
+
+def print_report(report: Report) -> None:
+    """Print the verdicts of a check, the joints of its chains, and how many there are of each verdict."""
+    rows = [[row.name, row.verdict, interval(row.deviation), row.method, row.remark] for row in report.rows]
+    print_table((NAME, "verdict", "deviation in mm", "method", "remark"), rows)
+    if report.joints:
+        print_table(
+            (NAME, "wanted", "found", "gap, mm", "angle, deg", "curvature", "its rate"),
+            [[joint.name, joint.wanted, joint.report.order, *_jumps(joint.report)] for joint in report.joints],
+        )
+    counts = Counter(row.verdict for row in report.rows)
+    texts = [f"{count} {verdict}" for verdict, count in counts.items()]
+    for kept, what in ((True, "kept"), (False, "lost")):
+        count = sum(joint.kept == kept for joint in report.joints)
+        if count:
+            texts.append(f"{count} joint{'s' if count > 1 else ''} {what}")
+    print("; ".join(texts))
+
+
+def _jumps(join: JoinReport) -> list[str]:
+    values = (join.gap, join.tangent_angle_deg, join.curvature_jump, join.curvature_rate_jump)
+    return [f"{value:.1e}" if math.isfinite(value) else "-" for value in values]
 
 
 def mesh_row(shape: Mapping[str, Any]) -> list[str]:
@@ -118,7 +172,11 @@ def mesh_row(shape: Mapping[str, Any]) -> list[str]:
 def model_row(shape: Mapping[str, Any]) -> list[str]:
     """Name, kind, degree, poles, colour and remark of a shape of a model."""
     remark = "" if shape["range"] is None else f"part {json.dumps(shape['range'])}"
-    kind = f"{'/'.join(dict.fromkeys(shape['families']))} {shape['kind']}"
+    if shape["joints"]:
+        remark = f"joints {', '.join(shape['joints'])}"
+    if shape["construction"]:
+        remark = ", ".join(filter(None, ("construction", remark)))
+    kind = f"{'/'.join(shape['families'])} {shape['kind']}"
     return [shape["name"], kind, *_columns(shape), remark]
 
 
@@ -130,7 +188,14 @@ def part_row(shape: Mapping[str, Any]) -> list[str]:
 
 
 def _columns(shape: Mapping[str, Any]) -> list[str]:
-    return [product(shape["degree"]) or "-", product(shape["poles"]) or "-", shape["color"] or ""]
+    return [*_sizes(shape), shape["color"] or ""]
+
+
+def _sizes(shape: Mapping[str, Any]) -> list[str]:
+    """Degree and poles: of both directions of a surface, or of the pieces of a chain."""
+    if "composite" in shape.get("kind", "") or shape.get("entity") == "wire":
+        return [",".join(map(str, shape["degree"])) or "-", "+".join(map(str, shape["poles"])) or "-"]
+    return [product(shape["degree"]) or "-", product(shape["poles"]) or "-"]
 
 
 def size(box: Mapping[str, list[float]] | None) -> str:

@@ -13,9 +13,8 @@ import functools
 import json
 import os
 import sys
-from collections import Counter
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeVar
+from typing import Annotated, Any, NoReturn, TypeVar
 
 import typer
 
@@ -23,10 +22,6 @@ import gtcad
 from gtcad import _options as options
 from gtcad import _tables as tables
 from gtcad import errors
-
-if TYPE_CHECKING:
-    from gtcad.converters.check import Report
-    from gtcad.converters.check import Row as ReportRow
 
 Value = TypeVar("Value")
 
@@ -210,7 +205,7 @@ def export(
         for fitted in jobs.fit_shapes(shapes, settings):
             fits.append(fitted)
             advance()
-    failures = [fitted for fitted in fits if fitted.fit is None]
+    failures = [fitted for fitted in fits if fitted.geometry is None]
     if not failures:
         parts = jobs.parts_of(fits, content.colors)
         try:
@@ -310,28 +305,16 @@ def check(
     shapes = load_model(against).in_millimetres()
     report = check_parts(jobs.read_parts(file, form), shapes, allowed)
     if as_json:
-        rows = [_verdict_data(row) for row in report.rows]
-        _print_json(file=file, against=against, tolerance=allowed, shapes=rows, extra=list(report.extra))
+        _print_json(file=file, against=against, tolerance=allowed, **tables.report_data(report))
     else:
-        _print_report(report)
+        tables.print_report(report)
     for name in report.extra:
         tables.message(f"Warning: {file} holds a shape that the model does not have: {name!r}")
-    code = _verdict_code([row.verdict for row in report.rows], require_proof=require_proof)
+    lost = [joint for joint in report.joints if not joint.kept]
+    verdicts = [row.verdict for row in report.rows] + ["failed"] * len(lost)
+    code = _verdict_code(verdicts, require_proof=require_proof)
     if code is not Code.FINE:
         raise typer.Exit(int(code))
-
-
-def _verdict_data(row: ReportRow) -> dict[str, Any]:
-    deviation = None if row.deviation is None else list(row.deviation)
-    fields = {"verdict": row.verdict, "deviation": deviation, "method": row.method, "remark": row.remark}
-    return {"name": row.name, **fields}
-
-
-def _print_report(report: Report) -> None:
-    rows = [[row.name, row.verdict, tables.interval(row.deviation), row.method, row.remark] for row in report.rows]
-    tables.print_table(("name", "verdict", "deviation in mm", "method", "remark"), rows)
-    counts = Counter(row.verdict for row in report.rows)
-    print("; ".join(f"{count} {verdict}" for verdict, count in counts.items()))
 
 
 def _verdict_code(verdicts: Sequence[str], *, require_proof: bool) -> Code:

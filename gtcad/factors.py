@@ -1,16 +1,19 @@
-"""Factors made of others, and the ones that turn, and the curve made of any: parts for shapes of the protocol."""
+"""Factors made of others, and the ones that turn, and the shapes made of any: parts for shapes of the protocol."""
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gtcad.basis import Basis, checked_parameters
 from gtcad.chebyshev import UNIT_ROUNDOFF
-from gtcad.protocol import Factors, SeparableCurve, affine
+from gtcad.errors import InputError
+from gtcad.protocol import Factors, SeparableCurve, SeparableSurface, affine
 
 Array = NDArray[np.float64]
 
@@ -153,6 +156,190 @@ class CurveOfTerms(SeparableCurve):
         moved = affine(self.coefficients, matrix, None)
         if translation is None:
             return CurveOfTerms(self.factors, moved)
-        constant = np.zeros((3, moved.shape[1]))
-        constant[0] = translation
-        return CurveOfTerms(Stacked((self.factors, Waves(0.0, 0.0))), np.concatenate([moved, constant]))
+        one, weights = constant_term(self.factors)
+        factors, (own, constant) = _side_by_side([self.factors, one])
+        coefficients = np.zeros((factors.count, moved.shape[1]))
+        coefficients[own] = moved
+        coefficients[constant] += np.outer(weights, affine(np.zeros(self.dimension), matrix, translation))
+        return CurveOfTerms(factors, coefficients)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, CurveOfTerms):
+            return NotImplemented
+        return self.factors.key == other.factors.key and np.array_equal(self.coefficients, other.coefficients)
+
+    def __hash__(self) -> int:
+        return hash((self.factors.key, (self.coefficients + 0.0).tobytes()))  # -0.0 equals 0.0
+
+
+@dataclass(frozen=True)
+class Constant:
+    """The function 1."""
+
+    count: int = 1
+
+    @property
+    def key(self) -> Hashable:
+        """Equal for equal functions."""
+        return ("constant",)
+
+    def rows(self, t: Array, order: int = 0) -> Array:
+        """Derivatives of the order at flat parameters, shape (1, t.size)."""
+        return np.full((1, t.size), 1.0 if order == 0 else 0.0)
+
+    def derivative_bound(self, order: int) -> float:
+        """The largest absolute value of the derivative."""
+        return 1.0 if order == 0 else 0.0
+
+    @property
+    def rounding(self) -> float:
+        """There is none."""
+        return 0.0
+
+
+def constant_term(factors: Factors) -> tuple[Factors, Array]:
+    """The function 1 as a sum ``sum_i w_i F_i``: these factors and w, or ``Constant`` where none is known."""
+    weights = _constant_weights(factors)
+    return (Constant(), np.ones(1)) if weights is None else (factors, weights)
+
+
+def _constant_weights(factors: Factors) -> Array | None:
+    if isinstance(factors, Basis | Constant):
+        return np.ones(factors.count)
+    if isinstance(factors, Waves):
+        return np.array([1.0, 0.0, 0.0])
+    if isinstance(factors, RestrictedFactors):
+        return _constant_weights(factors.base)
+    if isinstance(factors, Stacked):
+        start = 0
+        for part in factors.parts:
+            if (weights := _constant_weights(part)) is not None:
+                return np.pad(weights, (start, factors.count - start - part.count))
+            start += part.count
+    return None
+
+
+class WithIsoparametrics(SeparableSurface):
+    """A surface of the protocol that gives its curves of constant u or v, exactly."""
+
+    def isoparametric(self, *, u: float | None = None, v: float | None = None) -> CurveOfTerms:
+        """The curve of constant u (a curve in v) or of constant v (a curve in u), exactly.
+
+        Raises
+        ------
+        InputError
+            Unless just one of u and v is given, in [0, 1].
+        """
+        if (u is None) == (v is None):
+            raise InputError(f"give just one of u and v, got u={u}, v={v}")
+        if u is not None:
+            row = self.factors_u.rows(checked_parameters("u", [u]))[:, 0]
+            return _needed_terms(self.factors_v, np.tensordot(row, self.coefficients, 1))
+        assert v is not None
+        row = self.factors_v.rows(checked_parameters("v", [v]))[:, 0]
+        return _needed_terms(self.factors_u, np.tensordot(row, self.coefficients, (0, 1)))
+
+    def boundary(self, side: str) -> CurveOfTerms:
+        """The boundary curve "u0" or "u1" (a curve in v at u = 0, 1), "v0" or "v1" (a curve in u)."""
+        if side not in ("u0", "u1", "v0", "v1"):
+            raise InputError(f'side must be "u0", "u1", "v0" or "v1", got {side!r}')
+        return self.isoparametric(u=float(side[1])) if side[0] == "u" else self.isoparametric(v=float(side[1]))
+
+
+def _needed_terms(factors: Factors, coefficients: Array) -> CurveOfTerms:
+    """The curve without the parts that it makes no use of: a boundary is then of the kind that it was given as."""
+    if isinstance(factors, RestrictedFactors):
+        whole = _needed_terms(factors.base, coefficients)
+        return CurveOfTerms(RestrictedFactors(whole.factors, factors.start, factors.end), whole.coefficients)
+    if not isinstance(factors, Stacked):
+        return CurveOfTerms(factors, coefficients)
+    ends = itertools.accumulate(part.count for part in factors.parts)
+    rows = [coefficients[end - part.count : end] for part, end in zip(factors.parts, ends, strict=True)]
+    used = [index for index, part in enumerate(rows) if part.any()] or [0]
+    parts = tuple(factors.parts[index] for index in used)
+    return CurveOfTerms(
+        parts[0] if len(parts) == 1 else Stacked(parts), np.concatenate([rows[index] for index in used])
+    )
+
+
+Term = tuple[Factors, Factors, Array]
+
+
+class SurfaceOfTerms(WithIsoparametrics):
+    """A surface given by its factors and coefficients.
+
+    Parameters
+    ----------
+    factors_u, factors_v
+        Any factors.
+    coefficients
+        Shape (count_u, count_v, d).
+
+    Raises
+    ------
+    InputError
+        When the coefficients are not as many as the products of factors.
+    """
+
+    def __init__(self, factors_u: Factors, factors_v: Factors, coefficients: ArrayLike) -> None:
+        self._factors_u, self._factors_v = factors_u, factors_v
+        self._coefficients = np.array(coefficients, dtype=np.float64)
+        self._coefficients.flags.writeable = False
+        wanted = (factors_u.count, factors_v.count)
+        if self._coefficients.ndim != 3 or self._coefficients.shape[:2] != wanted:
+            raise InputError(
+                f"coefficients must have shape ({wanted[0]}, {wanted[1]}, d), got {np.shape(coefficients)}"
+            )
+
+    @classmethod
+    def summed(cls, terms: Sequence[Term]) -> SurfaceOfTerms:
+        """The sum of surfaces ``(factors of u, factors of v, coefficients)``, equal factors being held once."""
+        factors_u, places_u = _side_by_side([term[0] for term in terms])
+        factors_v, places_v = _side_by_side([term[1] for term in terms])
+        total = np.zeros((factors_u.count, factors_v.count, terms[0][2].shape[-1]))
+        for rows, columns, (_, _, coefficients) in zip(places_u, places_v, terms, strict=True):
+            total[rows, columns] += coefficients
+        return cls(factors_u, factors_v, total)
+
+    @property
+    def factors_u(self) -> Factors:
+        """The factors of u it was made of."""
+        return self._factors_u
+
+    @property
+    def factors_v(self) -> Factors:
+        """The factors of v it was made of."""
+        return self._factors_v
+
+    @property
+    def coefficients(self) -> Array:
+        """Their coefficients."""
+        return self._coefficients
+
+    def transformed(self, matrix: ArrayLike, translation: ArrayLike | None = None) -> SurfaceOfTerms:
+        """The affine image: points x become ``matrix @ x + translation``."""
+        moved = (self.factors_u, self.factors_v, affine(self.coefficients, matrix, None))
+        if translation is None:
+            return SurfaceOfTerms(*moved)
+        (one_u, weights_u), (one_v, weights_v) = constant_term(self.factors_u), constant_term(self.factors_v)
+        offset = affine(np.zeros(self.dimension), matrix, translation)
+        return SurfaceOfTerms.summed([moved, (one_u, one_v, np.multiply.outer(np.outer(weights_u, weights_v), offset))])
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, SurfaceOfTerms):
+            return NotImplemented
+        return (self.factors_u.key, self.factors_v.key) == (other.factors_u.key, other.factors_v.key) and (
+            np.array_equal(self.coefficients, other.coefficients)
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.factors_u.key, self.factors_v.key, (self.coefficients + 0.0).tobytes()))
+
+
+def _side_by_side(parts: Sequence[Factors]) -> tuple[Factors, list[slice]]:
+    """All factors as one, equal ones once, and where each of them is found."""
+    different = {part.key: part for part in parts}
+    ends = itertools.accumulate(part.count for part in different.values())
+    places = {key: slice(end - part.count, end) for (key, part), end in zip(different.items(), ends, strict=True)}
+    kept = tuple(different.values())
+    return kept[0] if len(kept) == 1 else Stacked(kept), [places[part.key] for part in parts]

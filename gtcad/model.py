@@ -18,7 +18,8 @@ A model file in TOML; the same keys make the JSON one::
     ]
 
 ``family = "bernstein"`` (``family_u``, ``family_v`` for one direction of a surface) asks for the
-classical Bezier basis.
+classical Bezier basis. Other kinds are listed in docs/model-files.md; those that are made of other shapes spell them
+out or name them.
 """
 
 from __future__ import annotations
@@ -35,16 +36,16 @@ from pydantic import ValidationError
 
 from gtcad import _checks as checks
 from gtcad._documents import Location, Problem, document_text, model_suffix, read_document, shown
+from gtcad._entries import INLINE, NAMED, ModelShape, ShapeEntry
 from gtcad._files import written_whole
 from gtcad._kinds import ENTRIES, MILLIMETRES, VERSION, ModelFile, entry_of
-from gtcad.errors import InputError, ModelError
-from gtcad.protocol import Shape
+from gtcad.errors import InputError, ModelError, SingularJoin
 
 MAX_PROBLEMS = 50  # more lines than this help nobody
 
 
 @dataclass(frozen=True, eq=False)
-class Model(Mapping[str, Shape]):
+class Model(Mapping[str, ModelShape]):
     """Shapes by name, in the order of their file, with control points in the model's unit.
 
     Parameters
@@ -55,6 +56,8 @@ class Model(Mapping[str, Shape]):
         mm, cm, m, in or ft.
     colors
         The names that have a colour, and the colour as "#rrggbb".
+    construction
+        The names of shapes that only serve others: they are neither exported nor checked.
 
     Raises
     ------
@@ -69,16 +72,18 @@ class Model(Mapping[str, Shape]):
     [50.8, 0.0]
     """
 
-    shapes: Mapping[str, Shape]
+    shapes: Mapping[str, ModelShape]
     unit: str = "mm"
     colors: Mapping[str, str] = field(default_factory=dict)
+    construction: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "shapes", MappingProxyType(dict(self.shapes)))
         object.__setattr__(self, "colors", MappingProxyType(dict(self.colors)))
+        object.__setattr__(self, "construction", frozenset(self.construction))
         self.document()
 
-    def __getitem__(self, name: str) -> Shape:
+    def __getitem__(self, name: str) -> ModelShape:
         return self.shapes[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -91,17 +96,19 @@ class Model(Mapping[str, Shape]):
         """Whether unit, colours and shapes are equal, in the same order."""
         if not isinstance(other, Model):
             return NotImplemented
-        return (self.unit, self.colors, list(self.items())) == (other.unit, other.colors, list(other.items()))
+        mine, others = ((m.unit, m.colors, m.construction, list(m.items())) for m in (self, other))
+        return mine == others
 
     def __hash__(self) -> int:
         return hash((self.unit, tuple(self.shapes)))
 
-    def in_millimetres(self) -> dict[str, Shape]:
-        """The shapes by name, scaled to millimetres; the very same objects when the unit is mm."""
+    def in_millimetres(self) -> dict[str, ModelShape]:
+        """The shapes that are meant for export by name, in millimetres; the very same objects when the unit is mm."""
         factor = MILLIMETRES[self.unit]
+        shapes = {name: shape for name, shape in self.items() if name not in self.construction}
         if factor == 1:
-            return dict(self)
-        return {name: shape.transformed(factor * np.eye(shape.dimension)) for name, shape in self.items()}
+            return shapes
+        return {name: shape.transformed(factor * np.eye(shape.dimension)) for name, shape in shapes.items()}
 
     def document(self) -> dict[str, Any]:
         """The plain data of the model's file.
@@ -111,10 +118,14 @@ class Model(Mapping[str, Shape]):
         InputError
             When a model file could not hold it.
         """
-        strangers = [name for name in self.colors if name not in self.shapes]
-        if strangers:
-            raise InputError(f"colors names a shape that the model does not have: {strangers[0]!r}")
-        entries = [entry_of(name, shape, self.colors.get(name)) for name, shape in self.items()]
+        for argument, names in (("colors", self.colors), ("construction", sorted(self.construction))):
+            strangers = [name for name in names if name not in self.shapes]
+            if strangers:
+                raise InputError(f"{argument} names a shape that the model does not have: {strangers[0]!r}")
+        entries = [
+            entry_of(name, shape, self.colors.get(name), construction=name in self.construction)
+            for name, shape in self.items()
+        ]
         data = {"gtcad": VERSION, "unit": self.unit, "shape": entries}
         try:
             ModelFile.model_validate(data)
@@ -144,25 +155,58 @@ def load_model(path: str | os.PathLike[str]) -> Model:
         When it is not a model; ``problems`` names all that is wrong with it, at most fifty.
     """
     data, problems = read_document(path)
-    shapes: dict[str, Shape] = {}
     problems += _name_problems(data)
     try:
         content = ModelFile.model_validate(data)
     except ValidationError as error:
         raise ModelError(str(path), _lines(data, problems + _translated(data, error))) from None
-    for index, entry in enumerate(content.shape):
-        try:
-            shapes[entry.name] = entry.build()
-        except InputError as error:
-            problems.append((("shape", index), str(error)))
+    shapes = _built(content.shape, problems)
     if problems:
         raise ModelError(str(path), _lines(data, problems))
     colors = {entry.name: entry.color for entry in content.shape if entry.color is not None}
-    return Model(shapes, content.unit, colors)
+    construction = frozenset(entry.name for entry in content.shape if entry.construction)
+    return Model(shapes, content.unit, colors, construction)
+
+
+def _built(entries: Sequence[ShapeEntry], problems: list[Problem]) -> dict[str, ModelShape]:
+    """The shapes of all entries in their order; each is built after those that it refers to."""
+    places = {entry.name: index for index, entry in enumerate(entries)}
+    shapes: dict[str, ModelShape] = {}
+    failed: set[str] = set()
+
+    def build(index: int, path: tuple[str, ...]) -> None:
+        entry = entries[index]
+        if entry.name in shapes or entry.name in failed:
+            return
+        path = (*path, entry.name)
+        count = len(problems)
+        for location, name in entry.references():
+            where = ("shape", index, *location)
+            if name not in places:
+                close = difflib.get_close_matches(name, places, n=1)
+                meant = f"; did you mean {shown(close[0])}?" if close else ""
+                problems.append((where, f"there is no shape of the name {shown(name)}{meant}"))
+            elif name in path:
+                circle = " -> ".join(map(shown, (*path[path.index(name) :], name)))
+                problems.append((where, f"a shape cannot be made of itself: {circle}"))
+            else:
+                build(places[name], path)
+        if len(problems) > count or any(name not in shapes for _, name in entry.references()):
+            failed.add(entry.name)
+            return
+        try:
+            shapes[entry.name] = entry.build(shapes)
+        except (InputError, SingularJoin) as error:
+            problems.append((("shape", index), str(error)))
+            failed.add(entry.name)
+
+    for index in range(len(entries)):
+        build(index, ())
+    return {entry.name: shapes[entry.name] for entry in entries if entry.name in shapes}
 
 
 def dump_model(
-    model: Mapping[str, Shape],
+    model: Mapping[str, ModelShape],
     path: str | os.PathLike[str],
     *,
     unit: str | None = None,
@@ -193,7 +237,8 @@ def dump_model(
         if unit not in (None, model.unit):
             raise InputError(f"unit must be that of the model, {model.unit}, got {unit!r}")
         unit, colors = model.unit, model.colors if colors is None else colors
-    document = Model(model, unit or "mm", colors or {}).document()
+    construction = model.construction if isinstance(model, Model) else frozenset()
+    document = Model(model, unit or "mm", colors or {}, construction).document()
     with written_whole(path) as temporary:
         temporary.write_text(document_text(document, suffix), encoding="utf-8", newline="\n")
 
@@ -223,6 +268,7 @@ def _translated(data: Mapping[str, Any], error: ValidationError) -> list[Problem
         location = tuple(found["loc"])
         if location[:1] == ("shape",) and location[2:3] and location[2] in ENTRIES:
             location = (*location[:2], *location[3:])  # pydantic names the kind there
+        location = tuple(part for part in location if part not in (INLINE, NAMED))
         problems.append(_in_our_words(data, location, found))
     return problems
 

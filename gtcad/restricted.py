@@ -9,9 +9,8 @@ from typing import overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gtcad.basis import checked_parameters
 from gtcad.errors import InputError
-from gtcad.factors import CurveOfTerms, RestrictedFactors
+from gtcad.factors import RestrictedFactors, WithIsoparametrics
 from gtcad.protocol import Factors, SeparableCurve, SeparableSurface, domain_part
 
 Array = NDArray[np.float64]
@@ -45,7 +44,7 @@ class RestrictedCurve(SeparableCurve):
 
 
 @dataclass(frozen=True)
-class RestrictedSurface(SeparableSurface):
+class RestrictedSurface(WithIsoparametrics):
     """The part of a surface over ``range = ((u_a, u_b), (v_a, v_b))``; made by ``Restricted``."""
 
     shape: SeparableSurface
@@ -72,29 +71,6 @@ class RestrictedSurface(SeparableSurface):
             raise InputError(f'direction must be "u" or "v", got {direction!r}')
         u, v = self.range
         return RestrictedSurface(self.shape, (u[::-1], v) if direction == "u" else (u, v[::-1]))
-
-    def isoparametric(self, *, u: float | None = None, v: float | None = None) -> CurveOfTerms:
-        """The curve of constant u (a curve in v) or of constant v (a curve in u), exactly.
-
-        Raises
-        ------
-        InputError
-            Unless just one of u and v is given, in [0, 1].
-        """
-        if (u is None) == (v is None):
-            raise InputError(f"give just one of u and v, got u={u}, v={v}")
-        if u is not None:
-            row = self.factors_u.rows(checked_parameters("u", [u]))[:, 0]
-            return CurveOfTerms(self.factors_v, np.tensordot(row, self.coefficients, 1))
-        assert v is not None
-        row = self.factors_v.rows(checked_parameters("v", [v]))[:, 0]
-        return CurveOfTerms(self.factors_u, np.tensordot(row, self.coefficients, (0, 1)))
-
-    def boundary(self, side: str) -> CurveOfTerms:
-        """The boundary curve "u0" or "u1" (a curve in v at u = 0, 1), "v0" or "v1" (a curve in u)."""
-        if side not in ("u0", "u1", "v0", "v1"):
-            raise InputError(f'side must be "u0", "u1", "v0" or "v1", got {side!r}')
-        return self.isoparametric(u=float(side[1])) if side[0] == "u" else self.isoparametric(v=float(side[1]))
 
     def transformed(self, matrix: ArrayLike, translation: ArrayLike | None = None) -> RestrictedSurface:
         """The affine image: points x become ``matrix @ x + translation``."""

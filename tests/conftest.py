@@ -7,7 +7,7 @@ settings.register_profile("default", deadline=None, derandomize=True, max_exampl
 settings.register_profile("stress", deadline=None, derandomize=True, max_examples=2000)
 
 # their properties are cheap enough to be tried on many more examples by `make stress`
-CORE = {"basis", "chebyshev", "protocol", "curve", "surface", "restricted", "differential", "measure"}
+CORE = {"basis", "chebyshev", "protocol", "curve", "surface", "restricted", "differential", "measure", "conics"}
 
 
 def _stress(config: pytest.Config) -> bool:

@@ -19,6 +19,7 @@ from typer.testing import CliRunner
 import gtcad
 import gtcad.model
 from gtcad import BERNSTEIN, Curve, Restricted, Surface, _options, _tables, cli
+from gtcad.continuity import check_join
 from gtcad.converters import fit, jobs
 from gtcad.converters.bspline import BSplineSurface
 from gtcad.converters.part import EllipseArc, Part
@@ -272,13 +273,21 @@ def test_check_finds_what_was_changed(model: Path, tmp_path: Path) -> None:
     assert verdicts == ["failed", "proved"]
 
 
-def fake_report(monkeypatch: pytest.MonkeyPatch, *verdicts: str, extra: tuple[str, ...] = ()) -> None:
+def fake_report(
+    monkeypatch: pytest.MonkeyPatch, *verdicts: str, extra: tuple[str, ...] = (), kept: tuple[bool, ...] = ()
+) -> None:
     rows = [
         SimpleNamespace(name=f"s{i}", verdict=verdict, deviation=(0.0, np.inf), method="certificate", remark="")
         for i, verdict in enumerate(verdicts)
     ]
+    line = Curve([[0, 0], [1, 0]], family=BERNSTEIN)
+    joints = [
+        SimpleNamespace(name=f"s{i} #1-#2", wanted="C3", kept=one, report=check_join(line, line.reversed()))
+        for i, one in enumerate(kept)
+    ]
+    report = SimpleNamespace(rows=rows, extra=list(extra), joints=joints)
     module = ModuleType("gtcad.converters.check")
-    module.check_parts = lambda parts, shapes, tolerance: SimpleNamespace(rows=rows, extra=list(extra))  # type: ignore[attr-defined]
+    module.check_parts = lambda parts, shapes, tolerance: report  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "gtcad.converters.check", module)
     monkeypatch.setattr(jobs, "read_parts", lambda path, form: [])
 
@@ -304,6 +313,18 @@ def test_the_verdicts_make_the_exit_code(
     document = json.loads(run(*arguments, "--json").stdout)
     assert [shape["verdict"] for shape in document["shapes"]] == verdicts
     assert document["shapes"][0]["deviation"] == [0.0, None]
+
+
+def test_a_lost_joint_is_a_failure(monkeypatch: pytest.MonkeyPatch, model: Path) -> None:
+    arguments = ["check", "a.step", "--against", model, "--tolerance", "1e-4"]
+    fake_report(monkeypatch, "proved", kept=(True, True))
+    result = run(*arguments)
+    assert (result.exit_code, result.stdout.splitlines()[-1]) == (0, "1 proved; 2 joints kept")
+    fake_report(monkeypatch, "proved", kept=(True, False))
+    result = run(*arguments)
+    assert (result.exit_code, result.stdout.splitlines()[-1]) == (1, "1 proved; 1 joint kept; 1 joint lost")
+    joints = json.loads(run(*arguments, "--json").stdout)["joints"]
+    assert [joint["name"] for joint in joints] == ["s0 #1-#2", "s1 #1-#2"]
 
 
 def test_extra_shapes_warn_and_do_no_harm(monkeypatch: pytest.MonkeyPatch, model: Path) -> None:

@@ -24,6 +24,7 @@ from gtcad.model import Model, schema
 
 SAMPLES = Path(__file__).parent.parent / "samples"
 SCHEMA = schema()
+KINDS = "curve, composite, circle, ellipse, arc, parabola, surface"
 ARCH: dict[str, Any] = {"name": "arch", "kind": "curve", "control_points": [[0, 0], [1, 2], [2, 0]]}
 ROOF: dict[str, Any] = {
     "name": "roof",
@@ -187,8 +188,8 @@ TOML = 'gtcad = 1\n[[shape]]\nname = "arch"\nkind = "curve"\ncontrol_points = [[
         ),
         (ARCH | {"family": "Bernstein"}, "family: must be one of GT, bernstein, got 'Bernstein'"),
         (ARCH | {"family_u": "GT"}, "family_u: is not a field of this format; did you mean family?"),
-        (ARCH | {"kind": "circle"}, "kind: must be one of curve, surface, got 'circle'"),
-        (ARCH | {"kind": ["curve"]}, "kind: must be one of curve, surface, got a list of 1"),
+        (ARCH | {"kind": "spiral"}, f"kind: must be one of {KINDS}, got 'spiral'"),
+        (ARCH | {"kind": ["curve"]}, f"kind: must be one of {KINDS}, got a list of 1"),
         (ARCH | {"color": "blue"}, "color: must be a text like '#1f77b4' (red, green, blue), got 'blue'"),
         (ARCH | {"range": [0.5, 0.5]}, "range: must be two different parameters, got [0.5, 0.5]"),
         (ARCH | {"range": [-0.1, 0.5]}, "range[0]: must lie in [0, 1], got -0.1"),
@@ -294,7 +295,7 @@ def test_a_name_is_given_once(tmp_path: Path) -> None:
         ({"shape": []}, "shape: must hold one shape at least"),
         ({"shape": {"arch": ARCH}}, "shape: must be a list of shapes, got an object"),
         ({"shape": [ARCH, 7]}, "shape no. 2: must be an object with the fields of a shape, got 7"),
-        ({"shape": [{}]}, "shape no. 1, kind: is missing; must be one of curve, surface"),
+        ({"shape": [{}]}, f"shape no. 1, kind: is missing; must be one of {KINDS}"),
         ({"shapes": [ARCH]}, "shapes: is not a field of this format; did you mean shape?"),
     ],
 )

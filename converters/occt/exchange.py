@@ -24,12 +24,12 @@ from gtcad.converters.occt.entities import (
     with_styles,
 )
 from gtcad.converters.occt.faces import area, distances_to
-from gtcad.converters.occt.geometry import conic_spline, is_full_ellipse
+from gtcad.converters.occt.geometry import halves, is_full_ellipse
 from gtcad.converters.occt.originals import Spline, iges_originals, protect, restored, step_originals
 from gtcad.converters.occt.pieces import edge_geometry, face_geometry, is_periodic_spline, is_valid, pieces
 from gtcad.converters.occt.session import READING_IGES, READING_STEP, quiet, session, writing_iges, writing_step
-from gtcad.converters.occt.topology import TOLERANCE, make_edge, make_face
-from gtcad.converters.part import EllipseArc, Part, TrimmedFace
+from gtcad.converters.occt.topology import TOLERANCE, make_edge, make_face, make_wire
+from gtcad.converters.part import EllipseArc, Geometry, Part, TrimmedFace, Wire
 from gtcad.errors import FileError, InputError, KernelError
 
 _BRep = kernel_module("BRep")
@@ -281,8 +281,8 @@ def file_bytes(path: str | os.PathLike[str]) -> bytes:
     return data
 
 
-def items_of(parts: Sequence[Part], *, full_ellipses_as_splines: bool = False) -> list[Item]:
-    """The edge or face of each part.
+def items_of(parts: Sequence[Part], *, halved_ellipses: bool = False) -> list[Item]:
+    """The edge, wire or face of each part; a whole ellipse as a wire of two halves if these are asked for.
 
     Raises
     ------
@@ -293,18 +293,24 @@ def items_of(parts: Sequence[Part], *, full_ellipses_as_splines: bool = False) -
     """
     if not parts:
         raise InputError("a file needs at least one part, got none")
-    return [_item(i, part, full_ellipses_as_splines) for i, part in enumerate(parts)]
+    return [_item(i, part, halved_ellipses) for i, part in enumerate(parts)]
 
 
-def _item(i: int, part: Part, full_ellipses_as_splines: bool) -> Item:
+def _item(i: int, part: Part, halved_ellipses: bool) -> Item:
     geometry = part.geometry
-    if full_ellipses_as_splines and isinstance(geometry, EllipseArc) and is_full_ellipse(geometry):
-        geometry = conic_spline(geometry)
+    if halved_ellipses and isinstance(geometry, EllipseArc) and is_full_ellipse(geometry):
+        geometry = Wire(halves(geometry))
     try:
-        shape = make_face(geometry) if isinstance(geometry, BSplineSurface) else make_edge(geometry)
+        shape = _shape(geometry)
     except (InputError, KernelError) as error:
         raise type(error)(f"part {i} ({part.name!r}): {error}") from error
     return Item(shape, part.name, part.color)
+
+
+def _shape(geometry: Geometry) -> Any:
+    if isinstance(geometry, Wire):
+        return make_wire(geometry)
+    return make_face(geometry) if isinstance(geometry, BSplineSurface) else make_edge(geometry)
 
 
 def checked_tolerance(tolerance: float | None) -> float:

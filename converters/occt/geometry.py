@@ -96,10 +96,11 @@ def is_full_ellipse(arc: EllipseArc) -> bool:
     return not arc.is_circle and arc.end - arc.start > 2 * math.pi * (1 - 1e-6)
 
 
-def conic_spline(arc: EllipseArc) -> BSplineCurve:
-    """The arc as an exact rational B-spline; its parameter is not the angle."""
-    conic, first, last = to_geom_conic(arc)
-    return from_geom_curve(_GeomConvert.CurveToBSplineCurve_s(_Geom.Geom_TrimmedCurve(conic, first, last)))
+def halves(arc: EllipseArc) -> tuple[EllipseArc, EllipseArc]:
+    """The arc in two parts of equal angle."""
+    middle = (arc.start + arc.end) / 2
+    axes = arc.center, arc.axis_a, arc.axis_b
+    return EllipseArc(*axes, arc.start, middle), EllipseArc(*axes, middle, arc.end)
 
 
 def _check_knots(name: str, knots: Array) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -22,7 +22,7 @@ from gtcad.converters.occt.geometry import (
     to_geom_surface,
 )
 from gtcad.converters.occt.pieces import subshapes
-from gtcad.converters.part import EllipseArc
+from gtcad.converters.part import EllipseArc, Wire, ends_of
 from gtcad.errors import InputError, KernelError
 
 _gp = kernel_module("gp")
@@ -67,22 +67,49 @@ def make_edge(curve: BSplineCurve | EllipseArc, *, tolerance: float = TOLERANCE)
         When the kernel's own check refuses the edge.
     """
     with kernel_guard("making an edge"):
-        if isinstance(curve, EllipseArc):
-            geometry, first, last = to_geom_conic(curve)
-            ends = curve.evaluate(np.array([curve.start, curve.end]))
-            extent = float(np.linalg.norm([curve.axis_a, curve.axis_b], axis=-1).max()) * (last - first)
-        else:
-            geometry, first, last = to_geom_curve(curve), float(curve.knots[0]), float(curve.knots[-1])
-            ends = curve.control_points[[0, -1]]
-            extent = _extent(curve.control_points)
-        if extent <= tolerance:
-            raise InputError(
-                f"the curve must be longer than the tolerance of {tolerance:.3g} mm, "
-                f"it reaches at most {extent:.3g} mm from its start"
-            )
-        start = _vertex(ends[0], tolerance)
-        end = start if np.linalg.norm(ends[1] - ends[0]) <= tolerance else _vertex(ends[1], tolerance)
-        return _checked(_edge(geometry, start, end, (first, last), tolerance), "edge")
+        start, end = _end_vertices([curve], tolerance)
+        return _checked(_curve_edge(curve, start, end, tolerance), "edge")
+
+
+def make_wire(wire: Wire, *, tolerance: float = TOLERANCE) -> Any:
+    """A TopoDS_Wire whose edges share their vertices; closed when its ends are at most `tolerance` apart.
+
+    Raises
+    ------
+    InputError, KernelError
+        As ``make_edge``, for any edge.
+    """
+    with kernel_guard("making a wire"):
+        vertices = _end_vertices(wire.edges, tolerance)
+        builder, made = _BRep.BRep_Builder(), _TopoDS.TopoDS_Wire()
+        builder.MakeWire(made)
+        for curve, start, end in zip(wire.edges, vertices[:-1], vertices[1:], strict=True):
+            builder.Add(made, _curve_edge(curve, start, end, tolerance))
+        made.Closed(vertices[0].IsSame(vertices[-1]))
+        return _checked(made, "wire")
+
+
+def _end_vertices(curves: Sequence[BSplineCurve | EllipseArc], tolerance: float) -> list[Any]:
+    """A vertex for each end of curves that meet; one for the first and the last when they coincide."""
+    places = [ends_of(curves[0])[0], *(ends_of(curve)[1] for curve in curves)]
+    vertices = [_vertex(place, tolerance) for place in places[:-1]]
+    closed = np.linalg.norm(places[-1] - places[0]) <= tolerance
+    return [*vertices, vertices[0] if closed else _vertex(places[-1], tolerance)]
+
+
+def _curve_edge(curve: BSplineCurve | EllipseArc, start: Any, end: Any, tolerance: float) -> Any:
+    if isinstance(curve, EllipseArc):
+        geometry, first, last = to_geom_conic(curve)
+        extent = float(np.linalg.norm([curve.axis_a, curve.axis_b], axis=-1).max()) * (last - first)
+    else:
+        geometry, first, last = to_geom_curve(curve), float(curve.knots[0]), float(curve.knots[-1])
+        extent = _extent(curve.control_points)
+    if extent <= tolerance:
+        raise InputError(
+            f"the curve must be longer than the tolerance of {tolerance:.3g} mm, "
+            f"it reaches at most {extent:.3g} mm from its start"
+        )
+    return _edge(geometry, start, end, (first, last), tolerance)
 
 
 def make_face(surface: BSplineSurface, *, tolerance: float = TOLERANCE) -> Any:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 from scipy.interpolate import BSpline
@@ -65,15 +67,50 @@ def test_continuity_is_that_of_the_interior_knots(continuity):
     assert truth(curve, fit.spline) <= fit.deviation[1] <= 1e-5
 
 
-@pytest.mark.parametrize("end_order", [0, 1, 2, 3])
-def test_end_derivatives_are_exact(end_order):
+@pytest.mark.parametrize("adapt", [False, True], ids=["cached", "adapted"])
+@pytest.mark.parametrize("end_order", [*range(4), *product(range(4), range(4))], ids=str)
+def test_end_derivatives_are_exact(end_order, adapt):
     curve = pieces.curves()["C3s"]
-    spline = fit_curve(curve, tolerance=1e-4, end_order=end_order).spline
+    spline = fit_curve(curve, tolerance=1e-4, end_order=end_order, adapt=adapt).spline
     assert np.array_equal(spline.control_points[[0, -1]], curve.control_points[[0, -1]])
-    for t in (0.0, 1.0):
-        for order in range(end_order + 1):
+    for t, highest in zip((0.0, 1.0), end_order if isinstance(end_order, tuple) else (end_order,) * 2, strict=True):
+        for order in range(highest + 1):
             wanted = curve.derivative(t, order)
             assert np.abs(spline.derivative(t, order) - wanted).max() <= 1e-10 * np.abs(wanted).max()
+
+
+@pytest.mark.parametrize("degree", [3, 5, 8])
+@pytest.mark.parametrize("name", ["B3p", "D5s", "E8p"])
+def test_an_end_that_needs_less_never_costs_poles(name, degree):
+    curve = pieces.curves()[name]
+    options = {"tolerance": 1e-2 if degree == 3 else 1e-4, "degree": degree}
+    for adapt in (False, True):
+        both = [poles(fit_curve(curve, **options, end_order=order, adapt=adapt)) for order in range(4)]
+        for pair in product(range(4), range(4)):
+            fit = fit_curve(curve, **options, end_order=pair, adapt=adapt)
+            assert poles(fit) <= both[max(pair)]
+
+
+def test_each_boundary_of_a_surface_has_its_own_order():
+    surface = pieces.surfaces()["S33"]
+    spline = fit_surface(surface, tolerance=1e-5, end_order=((2, 0), (1, 3))).spline
+    reference = fit_surface(surface, tolerance=1e-5, end_order=3)
+    assert np.prod(spline.control_points.shape[:2]) < poles(reference)
+    for u, v, orders in product((0.0, 1.0), (0.0, 1.0), product(range(4), range(4))):
+        if orders[0] <= (2, 0)[int(u)] and orders[1] <= (1, 3)[int(v)]:
+            along_u, along_v = _functions(spline, u, v, orders)
+            found = np.einsum("i,ijd,j->d", along_u, spline.control_points, along_v)
+            rounding = 1e-15 * np.abs(spline.control_points).max() * np.abs(along_u).sum() * np.abs(along_v).sum()
+            wanted = surface.derivative(u, v, orders)
+            assert np.abs(found - wanted).max() <= 8 * rounding + 1e-14 * np.abs(wanted).max()
+
+
+def _functions(spline, u, v, orders):
+    """Derivatives of the basis functions of both directions, by scipy alone."""
+    flat_u = np.repeat(spline.knots_u, spline.multiplicities_u)
+    flat_v = np.repeat(spline.knots_v, spline.multiplicities_v)
+    rows, columns = np.eye(len(spline.control_points)), np.eye(spline.control_points.shape[1])
+    return BSpline(flat_u, rows, spline.degree_u)(u, orders[0]), BSpline(flat_v, columns, spline.degree_v)(v, orders[1])
 
 
 def test_boundary_rows_of_a_surface_and_their_cross_derivatives_are_exact():
@@ -139,6 +176,8 @@ def test_exact_forms_are_used_only_where_they_may():
     assert fit_curve(arc, tolerance=1e-4).exact
     assert fit_curve(arc, tolerance=1e-4).parameter_map.kind == "tangent"
     assert not fit_curve(arc, tolerance=1e-4, exact=False).exact
+    assert fit_curve(arc, tolerance=1e-4, end_order=(0, 0)).exact
+    assert not fit_curve(arc, tolerance=1e-4, end_order=(0, 1)).exact
     joined = fit_curve(arc, tolerance=1e-4, end_order=2)
     assert not joined.exact
     assert joined.parameter_map.kind == "identity"
@@ -181,13 +220,33 @@ def test_auto_needs_no_more_poles_than_any_degree():
         ({"degree": True}, "got True"),
         ({"degree": "Auto"}, 'or "auto"'),
         ({"continuity": 5}, r"continuity must be a whole number in \[0, 4\]"),
-        ({"end_order": 4}, "end_order"),
+        ({"end_order": 4}, r"end_order must be a whole number in \[0, 3\] or a pair of such, got 4"),
+        ({"end_order": (1, 2, 3)}, r"or a pair of such, got \(1, 2, 3\)"),
+        ({"end_order": (1, 4)}, r"end_order\[1\] must be a whole number in \[0, 3\], got 4"),
+        ({"end_order": (-1, 0)}, r"end_order\[0\] must be .*, got -1"),
+        ({"end_order": (True, 0)}, r"end_order\[0\] must be .*, got True"),
+        ({"end_order": "21"}, "or a pair of such, got '21'"),
         ({"max_spans": 0}, "max_spans"),
         ({"degree": "auto", "max_degree": 30}, "max_degree"),
         ({"exact": "never"}, "exact must be"),
         ({"degree": 3, "max_spans": 1, "end_order": 3}, "end_order 3 takes 8"),
+        ({"degree": 3, "max_spans": 1, "end_order": (3, 1)}, r"end_order \(3, 1\) takes 6"),
     ],
 )
 def test_bad_arguments(options, message):
     with pytest.raises(InputError, match=message):
         fit_curve(pieces.curves()["D5s"], **{"tolerance": 1e-4, **options})
+
+
+@pytest.mark.parametrize(
+    ("end_order", "message"),
+    [
+        (4, r"end_order must be a whole number in \[0, 3\] or \(\(u0, u1\), \(v0, v1\)\) of such, got 4"),
+        ((1, 2), r"got \(1, 2\)"),
+        (((1, 2), 3), r"got \(\(1, 2\), 3\)"),
+        (((1, 2), (0, 4)), r"end_order\[1\]\[1\] must be a whole number in \[0, 3\], got 4"),
+    ],
+)
+def test_bad_end_orders_of_surfaces(end_order, message):
+    with pytest.raises(InputError, match=message):
+        fit_surface(pieces.surfaces()["S33"], tolerance=1e-4, end_order=end_order)

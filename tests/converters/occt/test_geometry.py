@@ -139,11 +139,11 @@ def test_conics_run_through_the_arc(a, b, turn, start):
     assert 0 <= first < FULL
 
 
-def test_conic_spline_is_the_exact_ellipse():
+def test_halves_are_the_arc():
     arc = EllipseArc([0, 0, 0], [3, 0, 0], [0, 2, 0], 0.3, 0.3 + FULL)
-    x, y, z = geometry.conic_spline(arc).evaluate(np.linspace(0.3, 0.3 + FULL, 50)).T
-    assert np.abs(x**2 / 9 + y**2 / 4 - 1).max() < 1e-15 * 10
-    assert not z.any()
+    first, second = geometry.halves(arc)
+    assert (first.start, second.end, first.end) == (arc.start, arc.end, second.start)
+    assert np.abs(second.evaluate(second.start) + arc.evaluate(0.3)).max() < 1e-15
 
 
 def test_full_ellipses_are_told_from_circles_and_arcs():

@@ -1,0 +1,279 @@
+"""From a chain of curves to the edges of one wire, with its joins kept and every piece proved.
+
+Pieces are fitted with the derivatives at their ends that their joints ask for, so that a C^k or G^k join of the curves
+is one of the splines. Pieces joined C^1 to C^3 share one spline, piece i of it between the knots i and i + 1; other
+joints separate edges. What is proved is the edge as it stands in the end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtcad.composite import Composite
+from gtcad.continuity import Derivable, JoinReport, Thresholds, check_join, parsed_order
+from gtcad.converters.arcs import arc_of_chain, certify_chain_arc, curve_of_arc
+from gtcad.converters.bspline import BSplineCurve
+from gtcad.converters.certificate import Certificate, certify_curve, deciding
+from gtcad.converters.exact import IDENTITY, ParameterMap, exact_map, whole_factors
+from gtcad.converters.fit import fit_curve
+from gtcad.converters.part import EllipseArc
+from gtcad.converters.spline_parts import extracted, merged
+from gtcad.errors import InputError, ToleranceNotMet
+from gtcad.protocol import SeparableCurve
+
+Array = NDArray[np.float64]
+
+_JOINING = 1e-12  # of the size: what rounding may add where splines are joined
+_LEAST_DEGREE = 3
+_PROMISING = 1.25  # adapted knots have not been seen to save more poles at one degree than at another beyond this
+
+
+@dataclass(frozen=True, eq=False)
+class ChainFit:
+    """The edges of a chain and what was proved of its pieces.
+
+    Attributes
+    ----------
+    edges
+        In order, each ending where the next begins, to the last digit. A spline of several pieces has them over
+        [0, 1], [1, 2], ...; a chain that is one arc of an ellipse is that.
+    runs
+        The pieces of each edge, as ranges of their indices.
+    deviations
+        (lower, upper) for each piece, as in ``Fit``: the upper one is proved.
+    exact
+        Whether the edges are the pieces themselves, up to rounding.
+    chain
+        What was fitted.
+    """
+
+    edges: tuple[BSplineCurve | EllipseArc, ...]
+    runs: tuple[range, ...]
+    deviations: tuple[tuple[float, float], ...]
+    exact: bool
+    chain: Composite
+
+    @property
+    def deviation(self) -> tuple[float, float]:
+        """(lower, upper) of the whole chain."""
+        lower, upper = np.max(self.deviations, axis=0)
+        return float(lower), float(upper)
+
+    def report(self, *, thresholds: Thresholds | None = None) -> tuple[JoinReport, ...]:
+        """What happens at each joint of the edges, those within a spline included."""
+        parts: list[Derivable] = []
+        for edge, run in zip(self.edges, self.runs, strict=True):
+            parts += pieces_of(edge, self.chain.pieces[run.start : run.stop])
+        following = [*parts[1:], *parts[:1]] if self.chain.closed else parts[1:]
+        limits = thresholds or Thresholds()
+        return tuple(check_join(a, b, thresholds=limits) for a, b in zip(parts, following, strict=False))
+
+
+def pieces_of(edge: BSplineCurve | EllipseArc, pieces: Sequence[SeparableCurve]) -> list[Derivable]:
+    """The parts of an edge that stand for the pieces of a chain.
+
+    Raises
+    ------
+    InputError
+        When the spline has no knots where pieces should meet.
+    """
+    if len(pieces) == 1 and isinstance(edge, BSplineCurve):
+        return [edge]
+    if isinstance(edge, EllipseArc):
+        shares = np.cumsum([0.0, *(_share(piece) for piece in pieces)])
+        angles = (edge.start + (edge.end - edge.start) * shares / shares[-1]).tolist()
+        return [curve_of_arc(EllipseArc(edge.center, edge.axis_a, edge.axis_b, *ends)) for ends in pairwise(angles)]
+    return [extracted(edge, a, b) for a, b in pairwise(joint_knots(edge, len(pieces)))]
+
+
+def _share(piece: SeparableCurve) -> float:
+    """The part of a whole piece's domain that a piece covers."""
+    _, start, end = whole_factors(piece.factors)
+    return abs(end - start)
+
+
+def joint_knots(spline: BSplineCurve, count: int) -> list[int]:
+    """Indices of the knots that part a spline into so many equally long parts.
+
+    Raises
+    ------
+    InputError
+        When it has no such knots.
+    """
+    places = (spline.knots - spline.knots[0]) / (spline.knots[-1] - spline.knots[0]) * count
+    found = [int(np.abs(places - joint).argmin()) for joint in range(count + 1)]
+    if np.abs(places[found] - np.arange(count + 1)).max() > 1e-9:
+        raise InputError(f"a spline of {count} pieces needs knots where they meet, got {spline.knots.tolist()}")
+    return found
+
+
+def runs_of(chain: Composite) -> tuple[range, ...]:
+    """The pieces that share an edge: those joined C1 to C3, from the first piece on."""
+    count = len(chain.pieces)
+    ends = [k + 1 for k, order in enumerate(chain.orders[: count - 1]) if not _is_smooth(order)]
+    return tuple(range(a, b) for a, b in zip([0, *ends], [*ends, count], strict=True))
+
+
+def _is_smooth(order: str) -> bool:
+    kind, count = parsed_order(order)
+    return kind == "C" and count > 0
+
+
+def fit_chain(
+    chain: Composite,
+    *,
+    tolerance: float,
+    degree: int | str = 5,
+    end_order: int = 0,
+    exact: str | bool = "auto",
+    max_degree: int = 11,
+    adapt: bool = True,
+    **options: Any,
+) -> ChainFit:
+    """The edges of the fewest poles that were found within the tolerance of a chain, with its joins, proved.
+
+    Parameters
+    ----------
+    chain
+        Open or closed; every joint must meet its order.
+    tolerance, degree, end_order, exact, max_degree, adapt
+        As of ``fit_curve``. "auto" takes one degree for the whole chain; ``end_order`` is that of the chain's own
+        ends; exact forms serve only where every piece has one, and arcs of one ellipse are one edge.
+    options
+        The other arguments of ``fit_curve``.
+
+    Raises
+    ------
+    InputError
+        When an argument is out of its range, or a joint does not meet its order.
+    ToleranceBelowPrecision, ToleranceNotMet
+        As ``fit_curve``.
+    """
+    _check_joints(chain)
+    if exact is not False and end_order == 0:
+        form = _arc(chain, tolerance) or _exact_forms(chain, tolerance)
+        if form is not None:
+            return form
+    if exact is True:
+        raise InputError("exact=True, but not every piece of this chain has an exact form that keeps its joints")
+    ends = [_end_orders(chain, piece, end_order) for piece in range(len(chain.pieces))]
+    size = max(float(np.abs(piece.coefficients).max()) for piece in chain.pieces)
+    allowed = tolerance - min(_JOINING * size, tolerance / 10)
+
+    def fitted(one: int | str, *, adapt: bool) -> list[BSplineCurve]:
+        settings: dict[str, Any] = {"tolerance": allowed, "degree": one, "exact": False, "adapt": adapt, **options}
+        pairs = zip(chain.pieces, ends, strict=True)
+        return [fit_curve(piece, end_order=end, **settings).spline for piece, end in pairs]
+
+    degrees = _promising(fitted, max_degree) if degree == "auto" else [degree]
+    return _joined(chain, min((fitted(one, adapt=adapt) for one in degrees), key=_poles), tolerance)
+
+
+def _promising(fitted: Callable[..., list[BSplineCurve]], max_degree: int) -> list[int]:
+    """The degrees that may need the fewest poles once knots are adapted, by what cached operators need."""
+    poles: dict[int, int] = {}
+    problem: Exception | None = None
+    for degree in range(_LEAST_DEGREE, max_degree + 1):
+        try:
+            poles[degree] = _poles(fitted(degree, adapt=False))
+        except ToleranceNotMet as error:
+            problem = error
+    if not poles:
+        assert problem is not None
+        raise problem
+    return [degree for degree, count in poles.items() if count <= _PROMISING * min(poles.values())]
+
+
+def _poles(splines: Sequence[BSplineCurve]) -> int:
+    return sum(len(spline.control_points) for spline in splines)
+
+
+def _check_joints(chain: Composite) -> None:
+    for joint, (report, wanted) in enumerate(zip(chain.report(), chain.orders, strict=True)):
+        if not report.meets(wanted):
+            raise InputError(f"joint {joint} must be {wanted}, it is {report.order} (gap {report.gap:.3g})")
+
+
+def _end_orders(chain: Composite, piece: int, free: int) -> tuple[int, int]:
+    orders = [parsed_order(order)[1] for order in chain.orders]
+    before = orders[piece - 1] if piece > 0 or chain.closed else free
+    after = orders[piece] if piece < len(orders) else free
+    return before, after
+
+
+def _arc(chain: Composite, tolerance: float) -> ChainFit | None:
+    spatial = chain if chain.dimension == 3 else chain.transformed(np.eye(3, 2))
+    arc = arc_of_chain(spatial)
+    if arc is None:
+        return None
+    proofs = certify_chain_arc(spatial, arc)
+    if max(proof.upper for proof in proofs) > tolerance:
+        return None
+    return ChainFit((arc,), (range(len(chain.pieces)),), _pairs(proofs), True, chain)
+
+
+def _exact_forms(chain: Composite, tolerance: float) -> ChainFit | None:
+    """An edge for each piece when all have an exact form; one with another parameter is no side of a C join."""
+    maps = [exact_map(piece.factors) for piece in chain.pieces]
+    if any(one is None for one in maps):
+        return None
+    if any(_is_smooth(order) for order in chain.orders) and any(one != IDENTITY for one in maps):
+        return None
+    try:
+        fits = [fit_curve(piece, tolerance=tolerance, exact=True) for piece in chain.pieces]
+    except InputError:
+        return None
+    joined = _joined(chain, [fit.spline for fit in fits], tolerance, [fit.parameter_map for fit in fits])
+    return replace(joined, exact=True)
+
+
+def _joined(
+    chain: Composite, splines: Sequence[BSplineCurve], tolerance: float, maps: Sequence[ParameterMap] | None = None
+) -> ChainFit:
+    """The splines as edges that meet to the last digit, and their proof."""
+    same_degree = len({spline.degree for spline in splines}) == 1
+    runs = runs_of(chain) if same_degree else tuple(range(k, k + 1) for k in range(len(splines)))
+    if any(spline.weights is not None for spline in splines):
+        runs = tuple(range(k, k + 1) for k in range(len(splines)))
+    edges = _met([_merged_run(chain, splines, run) for run in runs], chain.closed)
+    proofs = []
+    for edge, run in zip(edges, runs, strict=True):
+        joints = joint_knots(edge, len(run))
+        for piece, window in zip(run, pairwise(joints), strict=True):
+            parameter_map = IDENTITY if maps is None else maps[piece]
+            certify = partial(certify_curve, chain.pieces[piece], edge, parameter_map=parameter_map, window=window)
+            proofs.append(deciding(certify, tolerance))
+    largest = max(proof.upper for proof in proofs)
+    if largest > tolerance:
+        raise ToleranceNotMet(tolerance, largest, len(edges), "joining the pieces' splines")
+    return ChainFit(tuple(edges), runs, _pairs(proofs), False, chain)
+
+
+def _pairs(proofs: Sequence[Certificate]) -> tuple[tuple[float, float], ...]:
+    return tuple((proof.lower, proof.upper) for proof in proofs)
+
+
+def _merged_run(chain: Composite, splines: Sequence[BSplineCurve], run: range) -> BSplineCurve:
+    edge = splines[run[0]]
+    for piece in run[1:]:
+        order = parsed_order(chain.orders[piece - 1])[1]
+        edge = merged(edge, splines[piece], min(order, edge.degree - 1))
+    return edge
+
+
+def _met(edges: Sequence[BSplineCurve], closed: bool) -> list[BSplineCurve]:
+    """The edges, each beginning just where the one before ends."""
+    result = list(edges)
+    for k in range(0 if closed else 1, len(result)):
+        points = np.array(result[k].control_points)
+        points[0] = result[k - 1].control_points[-1]
+        edge = result[k]
+        result[k] = BSplineCurve(points, edge.knots, edge.multiplicities, edge.degree, edge.weights)
+    return result

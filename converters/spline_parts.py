@@ -1,0 +1,104 @@
+"""Splines put together and taken apart, by their blossoms.
+
+The pole of a spline of degree p that belongs to the knots t_1..t_p is its blossom (polar form) there: the symmetric
+function of p arguments, affine in each, that agrees with a polynomial span where all arguments are equal. Poles of the
+same spline over other knots are blossoms at other arguments.
+
+References
+----------
+L. Ramshaw, Blossoms are polar forms, Comput. Aided Geom. Design 6 (1989) 323-358.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtcad.converters.bspline import BSplineCurve
+from gtcad.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+def merged(before: BSplineCurve, after: BSplineCurve, order: int) -> BSplineCurve:
+    """Two splines that meet C^order as one, the second shifted to start at the last knot of the first.
+
+    Parameters
+    ----------
+    before, after
+        Of one degree p and dimension, not rational; the derivatives 0..order by the parameter agree where they meet.
+    order
+        1 to p - 1; the common knot gets the multiplicity p - order.
+
+    Returns
+    -------
+    BSplineCurve
+        All poles but the order - 1 at the joint are poles of the two, bit for bit.
+
+    Raises
+    ------
+    InputError
+        When the splines are rational, of different degrees or dimensions, or the order is out of range.
+    """
+    degree = before.degree
+    if before.weights is not None or after.weights is not None:
+        raise InputError("rational splines cannot be merged: their derivatives belong to their own parameters")
+    if (after.degree, after.dimension) != (degree, before.dimension):
+        raise InputError(
+            f"both splines must have one degree and dimension, got degrees {degree} and {after.degree}, "
+            f"dimensions {before.dimension} and {after.dimension}"
+        )
+    if not 1 <= order < degree:
+        raise InputError(f"order must lie in [1, {degree - 1}] for degree {degree}, got {order}")
+    joint = before.knots[-1]
+    knots = np.concatenate([before.knots, joint + (after.knots[1:] - after.knots[0])])
+    counts = (*before.multiplicities[:-1], degree - order, *after.multiplicities[1:])
+    flat = np.repeat(knots, counts)
+    first = len(before.control_points) - order  # the first pole that is not one of the spline before
+    mixed = [_blossom(before, flat[i + 1 : i + degree + 1], -1) for i in range(first, first + order - 1)]
+    kept = before.control_points[:first], after.control_points[order:]
+    middle = np.reshape(mixed, (-1, before.dimension))
+    return BSplineCurve(np.concatenate([kept[0], middle, kept[1]]), knots, counts, degree)
+
+
+def extracted(spline: BSplineCurve, first: int, last: int) -> BSplineCurve:
+    """The part of a spline between two of its knots, given by their index, on its own parameters."""
+    if not 0 <= first < last < len(spline.knots):
+        raise InputError(f"first < last must be indices of {len(spline.knots)} knots, got {first} and {last}")
+    if (first, last) == (0, len(spline.knots) - 1):
+        return spline
+    degree = spline.degree
+    knots = spline.knots[first : last + 1]
+    counts = (degree + 1, *spline.multiplicities[first + 1 : last], degree + 1)
+    flat = np.repeat(knots, counts)
+    poles = [
+        _blossom(
+            spline, flat[i + 1 : i + degree + 1], first + int(np.searchsorted(knots, _middle(flat, i, degree))) - 1
+        )
+        for i in range(len(flat) - degree - 1)
+    ]
+    points = np.array(poles)
+    if spline.weights is None:
+        return BSplineCurve(points, knots, counts, degree)
+    return BSplineCurve(points[:, :-1] / points[:, -1:], knots, counts, degree, points[:, -1])
+
+
+def _middle(flat: Array, index: int, degree: int) -> float:
+    """The middle of a span in the support of a pole's function: the one nearest to its own knots."""
+    own = float(flat[index + 1 : index + degree + 1].mean())
+    spans = [(a + b) / 2 for a, b in zip(flat[index:-1], flat[index + 1 : index + degree + 2], strict=False) if a < b]
+    return float(min(spans, key=lambda middle: abs(middle - own)))
+
+
+def _blossom(spline: BSplineCurve, arguments: Array, span: int) -> Array:
+    """The blossom of one span's polynomial, by de Boor's algorithm with an argument of its own at each step."""
+    degree, flat = spline.degree, spline.flat_knots
+    breaks = range(len(spline.knots) - 1)
+    last = int(np.cumsum(spline.multiplicities)[breaks[span]]) - 1  # flat index of the span's left knot
+    points = spline.homogeneous[last - degree : last + 1].copy()
+    for level, argument in enumerate(arguments, start=1):
+        for j in range(degree, level - 1, -1):
+            low, high = flat[last - degree + j], flat[last + 1 + j - level]
+            share = (argument - low) / (high - low)
+            points[j] = (1 - share) * points[j - 1] + share * points[j]
+    return np.asarray(points[degree])

@@ -1,0 +1,218 @@
+"""The kinds of curves and chains of curves that a model file can hold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+
+from gtcad import _checks as checks
+from gtcad import conics
+from gtcad._documents import Location
+from gtcad._entries import (
+    CurvePoint,
+    DesignVariables,
+    FamilyName,
+    Interval,
+    PointField,
+    ShapeEntry,
+    Shapes,
+    Strict,
+    Yes,
+    basis_fields,
+    gamma_fields,
+    inline_or_named,
+)
+from gtcad.basis import FAMILIES
+from gtcad.composite import Composite
+from gtcad.curve import Curve
+from gtcad.errors import InputError
+from gtcad.protocol import SeparableCurve
+from gtcad.restricted import Restricted, RestrictedCurve
+
+
+class CurveFields(Strict):
+    """A GT-Bezier or Bezier curve, or a part of one."""
+
+    family: FamilyName = Field(default="GT", description="The basis: generalized trigonometric, or classical Bezier.")
+    gamma: Annotated[DesignVariables, BeforeValidator(checks.optional(checks.gamma("family")))] = Field(
+        default=None, description="Design variables gamma_1, gamma_2; (0, 0) when left out; none for bernstein."
+    )
+    range: Annotated[Interval | None, BeforeValidator(checks.optional(checks.interval))] = Field(
+        default=None,
+        description="The part of the parameter interval [0, 1] that is meant; from a to b, also backwards.",
+    )
+    control_points: Annotated[list[CurvePoint], BeforeValidator(checks.curve_points)] = Field(
+        description="The degree + 1 points [x, y] or [x, y, z] in the file's unit; degree 2 to 60, bernstein from 1.",
+        min_length=2,
+        max_length=61,
+    )
+
+    def curve(self) -> SeparableCurve:
+        """The curve, restricted to its range if it has one."""
+        curve = Curve(self.control_points, self.gamma or (0.0, 0.0), FAMILIES[self.family])
+        return curve if self.range is None else Restricted(curve, self.range)
+
+
+class CurveEntry(ShapeEntry, CurveFields):
+    """A GT-Bezier or Bezier curve, or a part of one."""
+
+    kind: Literal["curve"]
+
+    def build(self, shapes: Shapes) -> SeparableCurve:
+        """The curve."""
+        return self.curve()
+
+
+class CompositeEntry(ShapeEntry):
+    """A chain of curves, open or closed, joined in the wanted orders."""
+
+    kind: Literal["composite"]
+    pieces: list[inline_or_named(CurveFields)] = Field(  # type: ignore[valid-type]
+        description="The curves in order, spelled out or the names of curves of this file.", min_length=1
+    )
+    orders: Annotated[str | list[str], BeforeValidator(checks.orders)] = Field(
+        description="The wanted order at each joint, C0 to C3 or G0 to G3; one text for all joints."
+    )
+    closed: Yes = Field(default=False, description="Whether the last piece ends where the first begins.")
+    fixed: Annotated[list[tuple[int, int]], BeforeValidator(checks.places)] = Field(
+        default=[], description="Pairs [piece, control point], from 0, that stay where they are."
+    )
+
+    def references(self) -> Iterator[tuple[Location, str]]:
+        """The named pieces."""
+        for index, piece in enumerate(self.pieces):
+            if isinstance(piece, str):
+                yield ("pieces", index), piece
+
+    def build(self, shapes: Shapes) -> Composite:
+        """The chain; control points are moved, as little as possible, when the joints do not meet their orders yet."""
+        pieces: list[SeparableCurve] = []
+        for index, entry in enumerate(self.pieces):
+            piece = shapes[entry] if isinstance(entry, str) else entry.curve()
+            if not isinstance(piece, SeparableCurve):
+                raise InputError(f"pieces[{index}]: {entry!r} is no single curve")
+            pieces.append(piece)
+        joints = len(pieces) - (0 if self.closed else 1)
+        orders = [self.orders] * joints if isinstance(self.orders, str) else self.orders
+        drawn = Composite(tuple(pieces), tuple(orders), self.closed)
+        if not unmet_joint(drawn):
+            return drawn
+        return Composite.solved(drawn.pieces, orders, closed=self.closed, fixed=self.fixed)  # type: ignore[arg-type]
+
+
+class ParabolaEntry(ShapeEntry):
+    """An arc of a parabola."""
+
+    kind: Literal["parabola"]
+    control_points: Annotated[list[CurvePoint], BeforeValidator(checks.triangle)] = Field(
+        description="Its first point, the point where its end tangents meet, and its last point.",
+        min_length=3,
+        max_length=3,
+    )
+
+    def build(self, shapes: Shapes) -> Curve:
+        """The arc, a GT-Bezier curve of degree 2."""
+        return conics.parabola(*self.control_points)
+
+
+class CircleEntry(ShapeEntry):
+    """A circle."""
+
+    kind: Literal["circle"]
+    center: PointField = Field(description="[x, y] or [x, y, z] in the file's unit.")
+    radius: Annotated[float, BeforeValidator(checks.positive), Field(gt=0)] = Field(description="In the file's unit.")
+    normal: Annotated[CurvePoint | None, BeforeValidator(checks.optional(checks.point(3)))] = Field(
+        default=None, description="Of its plane in space; the direction of z when left out."
+    )
+
+    def build(self, shapes: Shapes) -> Composite:
+        """The circle as a closed chain of quarters."""
+        return conics.circle(self.center, self.radius, self.normal)
+
+
+class EllipseEntry(ShapeEntry):
+    """An ellipse."""
+
+    kind: Literal["ellipse"]
+    center: PointField = Field(description="[x, y] or [x, y, z] in the file's unit.")
+    axis_a: PointField = Field(description="A half axis as a vector: the ellipse begins at its tip.")
+    axis_b: PointField = Field(description="The other half axis, or any conjugate half diameter.")
+
+    def build(self, shapes: Shapes) -> Composite:
+        """The ellipse as a closed chain of quarters."""
+        return conics.ellipse(self.center, self.axis_a, self.axis_b)
+
+
+class ArcEntry(ShapeEntry):
+    """An arc of a circle or an ellipse."""
+
+    kind: Literal["arc"]
+    center: PointField = Field(description="[x, y] or [x, y, z] in the file's unit.")
+    radius: Annotated[float | None, BeforeValidator(checks.optional(checks.positive)), Field(gt=0)] = Field(
+        default=None, description="Of an arc of a circle, in the file's unit."
+    )
+    normal: Annotated[CurvePoint | None, BeforeValidator(checks.optional(checks.point(3)))] = Field(
+        default=None, description="Of the circle's plane in space; the direction of z when left out."
+    )
+    axis_a: Annotated[CurvePoint | None, BeforeValidator(checks.optional(checks.point(2, 3)))] = Field(
+        default=None, description="Of an arc of an ellipse: the half axis at 0 degrees, as a vector."
+    )
+    axis_b: Annotated[CurvePoint | None, BeforeValidator(checks.optional(checks.point(2, 3)))] = Field(
+        default=None, description="The half axis, or conjugate half diameter, at 90 degrees."
+    )
+    angles: Annotated[tuple[float, float], BeforeValidator(checks.angles)] = Field(
+        description="The first and the last angle in degrees, at most 360 apart; the greater one first runs backwards."
+    )
+
+    def build(self, shapes: Shapes) -> Composite:
+        """The arc as a chain of quarters, the last one a part of a quarter."""
+        if self.radius is not None:
+            if self.axis_a is not None or self.axis_b is not None:
+                raise InputError("an arc has a radius, or axis_a and axis_b, not both")
+            return conics.arc(self.center, self.radius, *self.angles, self.normal)
+        if self.axis_a is None or self.axis_b is None or self.normal is not None:
+            raise InputError("an arc has a radius and perhaps a normal, or axis_a and axis_b")
+        return conics.Arc(self.center, self.axis_a, self.axis_b, *self.angles)
+
+
+def curve_data(curve: SeparableCurve) -> dict[str, Any] | None:
+    """The fields of a curve, or None when a model file cannot hold it."""
+    whole = curve.shape if isinstance(curve, RestrictedCurve) else curve
+    if not isinstance(whole, Curve):
+        return None
+    fields = basis_fields("family", whole.family) | gamma_fields("gamma", whole.gamma, whole.family)
+    if isinstance(curve, RestrictedCurve):
+        fields["range"] = list(curve.range)
+    return fields | {"control_points": whole.control_points.tolist()}
+
+
+def chain_data(chain: Composite) -> tuple[str, dict[str, Any]] | None:
+    """The kind and the fields of a chain, or None when a model file cannot hold it.
+
+    Raises
+    ------
+    InputError
+        When a joint does not meet its order.
+    """
+    if isinstance(chain, conics.Arc):
+        fields: dict[str, Any] = {key: getattr(chain, key).tolist() for key in ("center", "axis_a", "axis_b")}
+        if (chain.start_deg, chain.end_deg) == (0.0, 360.0):
+            return "ellipse", fields
+        return "arc", fields | {"angles": [chain.start_deg, chain.end_deg]}
+    pieces = [curve_data(piece) for piece in chain.pieces]
+    if any(piece is None for piece in pieces):
+        return None
+    if problem := unmet_joint(chain):
+        raise InputError(f"{problem}: solve the chain first, with Composite.solved")
+    return "composite", {"orders": list(chain.orders), **({"closed": True} if chain.closed else {}), "pieces": pieces}
+
+
+def unmet_joint(chain: Composite) -> str:
+    """What is wrong with the first joint that does not meet its order; empty when all do."""
+    for joint, (report, wanted) in enumerate(zip(chain.report(), chain.orders, strict=True)):
+        if not report.meets(wanted):
+            found = report.order if report.order != "none" else f"a gap of {report.gap:.3g}"
+            return f"joint {joint} must be {wanted}, it is {found}"
+    return ""
