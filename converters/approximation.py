@@ -49,8 +49,8 @@ _NEAR_STEPS, _NEAR = 64, 1.15  # so many steps when the error is at most so many
 _KNOT_STEPS = 24
 _HOPELESS_STEPS, _HOPELESS = 6, 2.0  # after so many steps an error so many times the goal has not been seen to reach it
 _DENSITY_POINTS = 240
-_DENSE_POLES = 160  # above, banded normal equations take the place of an orthogonal factorisation
-_FEW_POLES = 48
+_FEW_POLES = 48  # above, banded normal equations take the place of an orthogonal factorisation
+_MOST_POLES = 160  # above, knots are not moved and errors not levelled: it would take too long
 _LEAST_GAP = 0.02  # of the mean span: knots that approach each other further trouble kernels
 
 
@@ -140,7 +140,6 @@ class Problem:
         self.inner = slice(len(first), knots.poles - len(last))
         self.ends = np.zeros((knots.poles, factors.count))
         self.ends[: self.inner.start], self.ends[self.inner.stop :] = first, last
-        self.rest = self.values - self._spline(self.ends)
 
     def _spline(self, poles: Array) -> Array:
         return np.asarray(self.local @ poles[self.columns]).reshape(len(self.values), -1)
@@ -150,11 +149,14 @@ class Problem:
         matrix = self.ends.copy()
         if self.inner.start >= self.inner.stop:
             return matrix
-        if self.knots.poles > _DENSE_POLES:
-            matrix[self.inner] = self._solve_banded(self.rest)
-            matrix[self.inner] += self._solve_banded(self.values - self._spline(matrix))  # the rounding of the first
+        if self.knots.poles > _FEW_POLES:
+            scaled = self.local if weights is None else self.local * weights.reshape(*self.local.shape[:2], 1)
+            equations = self._equations(scaled)
+            for _ in range(2):  # the second time for the rounding of the first
+                right = self._collected(scaled, self.values - self._spline(matrix))[self.inner]
+                matrix[self.inner] += scipy.linalg.cho_solve_banded((equations, False), right, check_finite=False)
             return matrix
-        design, rest = self._dense, self.rest
+        design, rest = self._dense, self.values - self._spline(matrix)
         if weights is not None:
             scale = np.sqrt(weights)[:, None]
             design, rest = design * scale, rest * scale
@@ -166,17 +168,21 @@ class Problem:
     def _dense(self) -> Array:
         return dense(self.local, self.columns, self.knots.poles)[:, self.inner]
 
-    def _solve_banded(self, rest: Array) -> Array:
+    def _equations(self, scaled: Array) -> Array:
+        """Cholesky factor of the banded normal equations."""
         order = self.knots.degree + 1
-        blocks = self.local.swapaxes(1, 2) @ self.local
+        blocks = scaled.swapaxes(1, 2) @ self.local
         bands = np.zeros((order, self.knots.poles))
         for low in range(order):
             for high in range(low, order):
                 np.add.at(bands[order - 1 - (high - low)], self.columns[:, high], blocks[:, low, high])
-        right = np.zeros((self.knots.poles, rest.shape[1]))
-        np.add.at(right, self.columns, self.local.swapaxes(1, 2) @ rest.reshape(*self.local.shape[:2], -1))
-        solved = scipy.linalg.solveh_banded(bands[:, self.inner], right[self.inner])
-        return np.asarray(solved)
+        return np.asarray(scipy.linalg.cholesky_banded(bands[:, self.inner], check_finite=False))
+
+    def _collected(self, scaled: Array, rest: Array) -> Array:
+        """Inner products of all basis functions with values on the samples."""
+        sums = np.zeros((self.knots.poles, rest.shape[1]))
+        np.add.at(sums, self.columns, scaled.swapaxes(1, 2) @ rest.reshape(*self.local.shape[:2], -1))
+        return sums
 
     def residual(self, matrix: Array) -> Array:
         """The factors less their splines on the samples, shape (samples, count)."""
@@ -239,7 +245,7 @@ def approximate(
     problem = Problem(bundle.factors, knots, end_order, density)
     weights = np.ones(len(problem.values))
     best = None
-    most = max(steps, _NEAR_STEPS if goal else 0) + 1 if knots.poles <= _DENSE_POLES else 1
+    most = max(steps, _NEAR_STEPS if goal else 0) + 1 if knots.poles <= _MOST_POLES else 1
     for step in range(most):
         if best is not None and step > steps and best.error > _NEAR * goal:
             break
@@ -286,7 +292,7 @@ def _of_kind(
     knots = Knots.smooth(equidistributed(bundle, degree, spans), degree, continuity)
     if not _has_room(knots, end_order):
         return None
-    return approximate(bundle, knots, end_order, steps=2 if knots.poles <= _DENSE_POLES else 0)
+    return approximate(bundle, knots, end_order, steps=2 if knots.poles <= _MOST_POLES else 0)
 
 
 def adapted(
@@ -313,9 +319,9 @@ def adapted(
     breaks = equidistributed(bundle, degree, spans) if start is None else start
     if not _has_room(Knots.smooth(breaks, degree), end_order):
         return None
-    if spans > 1 and spans + degree <= _DENSE_POLES:
+    if spans > 1 and spans + degree <= _MOST_POLES:
         breaks = _KnotSearch(bundle, degree, end_order, breaks).run(goal)
-    return approximate(bundle, Knots.smooth(breaks, degree), end_order, goal=goal, density=2)
+    return approximate(bundle, Knots.smooth(breaks, degree), end_order, goal=goal, density=3)
 
 
 @dataclass(eq=False)

@@ -37,8 +37,8 @@ from gtcad.protocol import SeparableCurve
 Array = NDArray[np.float64]
 
 _MOST_NODES = 160
-_MOST_SPANS = 1024
-_LEAST_PARTS, _MOST_PARTS = 8, 2048  # of the whole curve
+_MOST_SPANS = 4096
+_LEAST_PARTS, _MOST_PARTS = 8, 4096  # of the whole curve
 _EVEN = 0.05  # by how much |C'|^2 may vary around its mean before the parts are halved
 
 
@@ -71,7 +71,7 @@ class _OffsetFactors:
 
 
 def fit_offset(
-    offset: Offset, *, tolerance: float, degree: int = 5, end_order: EndOrder = 0, max_spans: int = 256
+    offset: Offset, *, tolerance: float, degree: int = 5, end_order: EndOrder = 0, max_spans: int = 1024
 ) -> Fit[BSplineCurve, ParameterMap]:
     """The B-spline of the fewest poles that was found within the tolerance of an offset, with its proof.
 
@@ -131,9 +131,8 @@ def fit_offset(
         return Fit(spline, (found.lower, found.upper), False, IDENTITY) if found.upper <= tolerance else None
 
     # a spline about as far away as the offset's distance is beyond the proof
-    fit = fewest(side, min(tolerance, abs(offset.distance) / 4), proof, adapt=True)
+    fit = fewest(side, min(tolerance, abs(offset.distance) / 4), proof, adapt=True) or proof(side.best_of(max_spans))
     if fit is None:
-        proof(side.best_of(max_spans))
         raise ToleranceNotMet(tolerance, *min(tried), f"max_spans = {max_spans}")
     return fit
 

@@ -20,13 +20,15 @@ from tests.benchmarks.workload import at_equal_parameters, spatial
 _ROUNDS = 30
 _STARTS = 4
 _ENOUGH = 0.999  # of the tolerance
+_END_WEIGHT = 1e4  # of the end points in least squares: they are then met to about 1e-8 of the error elsewhere
 
 
 class FreeKnots:
-    """Splines of one degree with free knots for one curve."""
+    """Splines of one degree with free knots for one curve, through its ends or not."""
 
-    def __init__(self, curve: Curve, degree: int) -> None:
+    def __init__(self, curve: Curve, degree: int, through_ends: bool = False) -> None:
         self.curve, self.degree = curve, degree
+        self.through_ends = through_ends
         self.fine = np.linspace(0, 1, 1201)
         points = curve.evaluate(self.fine)
         flat = np.ptp(points[:, -1]) == 0
@@ -59,7 +61,8 @@ class FreeKnots:
         for turn in range(_ROUNDS):
             trial = weights.copy()
             for step in range(5):  # Lawson's iteration for these knots
-                spline = make_lsq_spline(t, target, self._flat(gaps), self.degree, w=np.sqrt(trial))
+                scale = self._scale(trial)
+                spline = make_lsq_spline(t, target, self._flat(gaps), self.degree, w=scale)
                 errors = np.linalg.norm(spline(t) - target, axis=1)
                 if errors.max() <= _ENOUGH * tolerance and self._keeps(spline, tolerance):
                     return True
@@ -72,8 +75,14 @@ class FreeKnots:
             best = min(best, errors.max())
             if len(gaps) == 1 or idle > 7 or (turn > 4 and best > 2.5 * tolerance):
                 return False
-            gaps = self._moved(t, target, gaps, np.sqrt(weights))
+            gaps = self._moved(t, target, gaps, self._scale(weights))
         return False
+
+    def _scale(self, weights: np.ndarray) -> np.ndarray:
+        scale = np.sqrt(weights)
+        if self.through_ends:
+            scale[[0, -1]] = _END_WEIGHT
+        return scale
 
     def _keeps(self, spline: BSpline, tolerance: float) -> bool:
         def full(t: np.ndarray) -> np.ndarray:

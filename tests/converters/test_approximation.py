@@ -119,7 +119,7 @@ def test_banded_and_dense_solutions_agree(factors, end_order, monkeypatch):
     for knots in (uneven(12, 5), uneven(30, 3), Knots.smooth(np.linspace(0, 1, 60), 7), uneven(6, 5)):
         dense = Problem(factors, knots, end_order).solve()
         with monkeypatch.context() as patch:
-            patch.setattr(approximation, "_DENSE_POLES", 0)
+            patch.setattr(approximation, "_FEW_POLES", 0)
             banded = Problem(factors, knots, end_order).solve()
         t = np.linspace(0, 1, 1001)
         gap = BSpline(knots.flat, dense - banded, knots.degree)(t)
@@ -127,7 +127,7 @@ def test_banded_and_dense_solutions_agree(factors, end_order, monkeypatch):
 
 
 def test_many_poles_reach_rounding():
-    """Above 160 poles: the banded equations are refined to what double precision allows."""
+    """Many poles: the banded equations are refined to what double precision allows."""
     factors = Basis(5, (0.3, -0.6))
     one = of_kind(factors, 7, 6, 0, 300)
     assert one.knots.poles == 307

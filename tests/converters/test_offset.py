@@ -60,7 +60,7 @@ def check_random(seed, degree, tolerance):
     return upper / worst
 
 
-@pytest.mark.parametrize(("seed", "degree"), enumerate([2, 3, 4, 5, 8, 12]))
+@pytest.mark.parametrize(("seed", "degree"), list(enumerate([2, 3, 4, 5, 8, 12])))
 def test_random_offsets_keep_a_proved_tolerance_that_is_tight(seed, degree):
     assert check_random(seed, degree, 1e-4) <= 1.2
 
