@@ -45,9 +45,12 @@ Array = NDArray[np.float64]
 Sparse = Any  # scipy's sparse arrays carry no types
 
 _LAWSON_STEPS = 16
-_NEAR_STEPS, _NEAR = 64, 1.15  # so many steps when the error is at most so many times the goal
+_NEAR_STEPS, _NEAR = 40, 1.1  # so many steps when the error is at most so many times the goal
 _KNOT_STEPS = 24
 _HOPELESS_STEPS, _HOPELESS = 6, 2.0  # after so many steps an error so many times the goal has not been seen to reach it
+_SPREADS = (1.0, 1.5, 0.5)  # powers of the equidistributed spans from which searches start
+_NEAR_MISS = 1.3  # of the goal: worth another start
+_DENSITY = 3  # of samples where the error has to be close to the true one
 _DENSITY_POINTS = 240
 _FEW_POLES = 48  # above, banded normal equations take the place of an orthogonal factorisation
 _MOST_POLES = 160  # above, knots are not moved and errors not levelled: it would take too long
@@ -245,9 +248,9 @@ def approximate(
     problem = Problem(bundle.factors, knots, end_order, density)
     weights = np.ones(len(problem.values))
     best = None
-    most = max(steps, _NEAR_STEPS if goal else 0) + 1 if knots.poles <= _MOST_POLES else 1
-    for step in range(most):
-        if best is not None and step > steps and best.error > _NEAR * goal:
+    most = (max(steps, _NEAR_STEPS) if goal else steps) if knots.poles <= _MOST_POLES else 0
+    for step in range(most + 1):
+        if best is not None and step > (_HOPELESS_STEPS if goal else steps) and best.error > _NEAR * goal:
             break
         matrix = problem.solve(weights)
         residual = problem.residual(matrix)
@@ -296,9 +299,12 @@ def _of_kind(
 
 
 def adapted(
-    bundle: Bundle, degree: int, spans: int, end_order: EndOrder = 0, *, goal: float = 0.0, start: Array | None = None
+    bundle: Bundle, degree: int, spans: int, end_order: EndOrder = 0, *, goal: float = 0.0
 ) -> Approximation | None:
     """Nearly the best spline with that many spans and simple knots, its knots moved for this bundle.
+
+    The search is local and starts from equidistributed knots; where it nearly reaches the goal, also from knots that
+    are spread more evenly, and less.
 
     Parameters
     ----------
@@ -308,20 +314,27 @@ def adapted(
         As in ``approximate``.
     goal
         Stop at an error of this size.
-    start
-        Breaks to start from, equidistributed ones unless given.
 
     Returns
     -------
     Approximation or None
         None when the knots leave no room for the end conditions.
     """
-    breaks = equidistributed(bundle, degree, spans) if start is None else start
-    if not _has_room(Knots.smooth(breaks, degree), end_order):
+    even = equidistributed(bundle, degree, spans)
+    if not _has_room(Knots.smooth(even, degree), end_order):
         return None
-    if spans > 1 and spans + degree <= _MOST_POLES:
-        breaks = _KnotSearch(bundle, degree, end_order, breaks).run(goal)
-    return approximate(bundle, Knots.smooth(breaks, degree), end_order, goal=goal, density=3)
+    best = None
+    for power in _SPREADS if 1 < spans <= _FEW_POLES - degree else _SPREADS[:1]:
+        gaps = np.diff(even) ** power
+        breaks = np.concatenate([[0.0], np.cumsum(gaps)[:-1] / gaps.sum(), [1.0]])
+        if 1 < spans <= _MOST_POLES - degree:
+            breaks = _KnotSearch(bundle, degree, end_order, breaks).run(goal)
+        one = approximate(bundle, Knots.smooth(breaks, degree), end_order, goal=goal, density=_DENSITY)
+        if best is None or one.error < best.error:
+            best = one
+        if not goal < best.error <= _NEAR_MISS * goal:
+            break
+    return best
 
 
 @dataclass(eq=False)

@@ -216,12 +216,25 @@ def describe_model(model: Model) -> dict[str, Any]:
         _shape_data(name, shape) | {"color": model.colors.get(name), "construction": name in model.construction}
         for name, shape in model.items()
     ]
-    points = [
-        piece.coefficients
-        for shape in model.in_millimetres().values()
-        for piece in (shape.pieces if isinstance(shape, Composite) else (shape,))
-    ]
-    return {"format": "model", "unit": model.unit, "box": _box(points), "shapes": shapes}
+    meant = model.in_millimetres().values()
+    points = [_points(shape) for shape in meant]
+    of = "control points" if all(map(_has_control_points, meant)) else "control points and samples"
+    return {"format": "model", "unit": model.unit, "box": _box(points), "box_of": of, "shapes": shapes}
+
+
+def _has_control_points(shape: ModelShape) -> bool:
+    return isinstance(shape, Composite) or hasattr(_whole(shape), "control_points")
+
+
+def _points(shape: ModelShape) -> Array:
+    """Control points, or points of what has none."""
+    if isinstance(shape, Composite):
+        return np.concatenate([_points(piece) for piece in shape.pieces])
+    if _has_control_points(shape):
+        return np.asarray(_whole(shape).control_points).reshape(-1, shape.dimension)
+    line = np.linspace(0.0, 1.0, 129)
+    points = shape.evaluate(line) if isinstance(shape, SeparableCurve) else shape.evaluate(line[:, None], line[None, :])
+    return points.reshape(-1, shape.dimension)
 
 
 def _shape_data(name: str, shape: ModelShape) -> dict[str, Any]:
@@ -233,8 +246,8 @@ def _shape_data(name: str, shape: ModelShape) -> dict[str, Any]:
         joints = list(shape.orders)
     else:
         whole = _whole(shape)
-        families, counts = _families(whole), list(whole.coefficients.shape[:-1])
-        kind = "curve" if isinstance(shape, SeparableCurve) else "surface"
+        families, counts = _families(whole), list(getattr(whole, "control_points", np.empty(1)).shape[:-1])
+        kind = type(whole).__name__.lower()
         part = None if whole is shape else shape.range  # type: ignore[union-attr]
         degrees, joints = [count - 1 for count in counts], []
     fields = {"families": list(dict.fromkeys(families)), "degree": degrees, "poles": counts}
@@ -256,7 +269,13 @@ def describe_parts(parts: Sequence[Part], form: str) -> dict[str, Any]:
         for part in parts
         for piece in _pieces(part.geometry)
     ]
-    return {"format": form, "unit": "mm", "box": _box(points), "shapes": [_part_data(part) for part in parts]}
+    return {
+        "format": form,
+        "unit": "mm",
+        "box": _box(points),
+        "box_of": "control points",
+        "shapes": [_part_data(part) for part in parts],
+    }
 
 
 def _part_data(part: Part) -> dict[str, Any]:

@@ -28,7 +28,9 @@ if TYPE_CHECKING:
     from . import continuity as continuity
     from . import converters as converters
     from . import differential as differential
+    from . import interpolation as interpolation
     from . import measure as measure
+    from . import offset as offset
     from . import patches as patches
     from . import pictures as pictures
     from . import queries as queries
@@ -54,8 +56,10 @@ __getattr__, __dir__, __all__ = lazy_names(
         "converters": "converters",
         "differential": "differential",
         "dump_model": "model",
+        "interpolation": "interpolation",
         "load_model": "model",
         "measure": "measure",
+        "offset": "offset",
         "patches": "patches",
         "pictures": "pictures",
         "queries": "queries",

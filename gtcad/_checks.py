@@ -287,3 +287,37 @@ def _place_problems(value: Any) -> Iterator[Problem]:
         whole = isinstance(pair, list) and len(pair) == 2 and all(type(entry) is int and entry >= 0 for entry in pair)
         if not whole:
             yield (index,), f"must be a pair of whole numbers from 0, got {shown(pair)}"
+
+
+def number(value: Any, info: ValidationInfo) -> Any:
+    """Refuse what is not a finite number."""
+    problem = _number_problem(value)
+    if problem is not None:
+        refuse([((), problem)])
+    return value
+
+
+def numbers(value: Any, info: ValidationInfo) -> Any:
+    """Refuse what is not a list of finite numbers."""
+    if not isinstance(value, list):
+        refuse([((), f"must be a list of numbers, got {shown(value)}")])
+    return _checked(value, (((k,), found) for k, entry in enumerate(value) if (found := _number_problem(entry))))
+
+
+def placement(value: Any, info: ValidationInfo) -> Any:
+    """Refuse what is not three rows of four numbers."""
+    return _checked(value, _placement_problems(value))
+
+
+def _placement_problems(value: Any) -> Iterator[Problem]:
+    if not isinstance(value, list) or len(value) != 3:
+        yield (), f"must be three rows of four numbers, got {shown(value)}"
+        return
+    for row, entries in enumerate(value):
+        if not isinstance(entries, list) or len(entries) != 4:
+            yield (row,), f"must be a row of four numbers, got {shown(entries)}"
+            continue
+        for column, entry in enumerate(entries):
+            problem = _number_problem(entry)
+            if problem is not None:
+                yield (row, column), problem

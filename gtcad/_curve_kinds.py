@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from gtcad import _checks as checks
 from gtcad import conics
 from gtcad._documents import Location
 from gtcad._entries import (
+    INLINE,
+    NAMED,
     CurvePoint,
     DesignVariables,
     FamilyName,
@@ -55,6 +57,10 @@ class CurveFields(Strict):
         return curve if self.range is None else Restricted(curve, self.range)
 
 
+CurveName = Annotated[str, Field(description="The name of another shape of this file."), Tag(NAMED)]
+CurveField = Annotated[Annotated[CurveFields, Tag(INLINE)] | CurveName, Discriminator(inline_or_named)]
+
+
 class CurveEntry(ShapeEntry, CurveFields):
     """A GT-Bezier or Bezier curve, or a part of one."""
 
@@ -69,7 +75,7 @@ class CompositeEntry(ShapeEntry):
     """A chain of curves, open or closed, joined in the wanted orders."""
 
     kind: Literal["composite"]
-    pieces: list[inline_or_named(CurveFields)] = Field(  # type: ignore[valid-type]
+    pieces: list[CurveField] = Field(
         description="The curves in order, spelled out or the names of curves of this file.", min_length=1
     )
     orders: Annotated[str | list[str], BeforeValidator(checks.orders)] = Field(

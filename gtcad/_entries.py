@@ -6,7 +6,7 @@ import abc
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from gtcad import _checks as checks
 from gtcad._documents import Location
@@ -65,13 +65,9 @@ class ShapeEntry(Strict, abc.ABC):
         yield from ()
 
 
-def inline_or_named(entry: type[Strict]) -> Any:
-    """The type of a field that holds an entry, or the name of a shape in its place."""
-    named = Annotated[str, Field(description="The name of another shape of this file."), Tag(NAMED)]
-    return Annotated[
-        Annotated[entry, Tag(INLINE)] | named,
-        Discriminator(lambda value: NAMED if isinstance(value, str) else INLINE),
-    ]
+def inline_or_named(value: Any) -> str:
+    """Whether a field spells a shape out or names one: the discriminator of such fields."""
+    return NAMED if isinstance(value, str) else INLINE
 
 
 def basis_fields(field: str, family: Family) -> dict[str, Any]:

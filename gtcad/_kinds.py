@@ -22,6 +22,18 @@ from gtcad._curve_kinds import (
     curve_data,
 )
 from gtcad._entries import ModelShape, ShapeEntry, Strict
+from gtcad._patch_kinds import (
+    PATCH_ENTRIES,
+    ConeEntry,
+    CoonsEntry,
+    CylinderEntry,
+    LoftedEntry,
+    RotationEntry,
+    RuledEntry,
+    SweptEntry,
+    SwungEntry,
+    patch_data,
+)
 from gtcad._surface_kinds import SurfaceEntry, surface_data
 from gtcad.composite import Composite
 from gtcad.errors import InputError
@@ -32,7 +44,21 @@ VERSION = 1
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4, "ft": 304.8}
 
 Entry = Annotated[
-    CurveEntry | CompositeEntry | CircleEntry | EllipseEntry | ArcEntry | ParabolaEntry | SurfaceEntry,
+    CurveEntry
+    | CompositeEntry
+    | CircleEntry
+    | EllipseEntry
+    | ArcEntry
+    | ParabolaEntry
+    | SurfaceEntry
+    | RuledEntry
+    | CylinderEntry
+    | ConeEntry
+    | SweptEntry
+    | SwungEntry
+    | RotationEntry
+    | LoftedEntry
+    | CoonsEntry,
     Field(discriminator="kind"),
 ]
 ENTRIES: dict[str, type[ShapeEntry]] = {
@@ -43,6 +69,7 @@ ENTRIES: dict[str, type[ShapeEntry]] = {
     "arc": ArcEntry,
     "parabola": ParabolaEntry,
     "surface": SurfaceEntry,
+    **PATCH_ENTRIES,
 }
 
 
@@ -88,6 +115,9 @@ def _fields(shape: ModelShape) -> tuple[str, dict[str, Any]]:
     if isinstance(shape, SeparableCurve):
         kind, fields = "curve", curve_data(shape)
     else:
+        found = patch_data(shape)
+        if found is not None:
+            return found
         kind, fields = "surface", surface_data(shape)
     if fields is None:
         whole = shape.shape if isinstance(shape, RestrictedCurve | RestrictedSurface) else shape

@@ -176,7 +176,7 @@ def model_row(shape: Mapping[str, Any]) -> list[str]:
         remark = f"joints {', '.join(shape['joints'])}"
     if shape["construction"]:
         remark = ", ".join(filter(None, ("construction", remark)))
-    kind = f"{'/'.join(shape['families'])} {shape['kind']}"
+    kind = f"{'/'.join(shape['families'])} {shape['kind']}".strip()
     return [shape["name"], kind, *_columns(shape), remark]
 
 
@@ -198,12 +198,12 @@ def _sizes(shape: Mapping[str, Any]) -> list[str]:
     return [product(shape["degree"]) or "-", product(shape["poles"]) or "-"]
 
 
-def size(box: Mapping[str, list[float]] | None) -> str:
-    """The lengths of the sides of a box in mm."""
+def size(box: Mapping[str, list[float]] | None, box_of: str) -> str:
+    """The lengths of the sides of a box in mm, and what it is a box of."""
     if box is None:
         return "none: it holds no shapes"
     sides = (most - least for least, most in zip(box["least"], box["most"], strict=True))
-    return " x ".join(f"{side:.6g}" for side in sides) + " mm (control points)"
+    return " x ".join(f"{side:.6g}" for side in sides) + f" mm ({box_of})"
 
 
 def plain(value: Any) -> Any:

@@ -343,7 +343,9 @@ def info(
     if as_json:
         _print_json(file=file, **content)
         return
-    print(f"{tables.printable(file)}: {content['format']}, unit {content['unit']}, size {tables.size(content['box'])}")
+    print(
+        f"{tables.printable(file)}: {content['format']}, unit {content['unit']}, size {tables.size(content['box'], content['box_of'])}"
+    )
     if content["shapes"]:
         row = tables.model_row if is_model else tables.part_row
         tables.print_table(

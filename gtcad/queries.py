@@ -113,7 +113,7 @@ def nearest(curve: SeparableCurve | Composite, point: ArrayLike) -> Foot:
 
     Notes
     -----
-    Distances that differ by rounding alone count as equal. Cost: about a millisecond for each piece.
+    Distances that differ by rounding alone count as equal. Cost of a piece: 1 ms at degree 3, 20 at 60.
 
     Examples
     --------
@@ -204,8 +204,8 @@ def curvature_extremes(curve: SeparableCurve | Composite) -> tuple[Extreme, ...]
 
     Notes
     -----
-    Stations that are within 1e-6 of each other in the parameter, or of an end, are one. Cost: a few milliseconds for
-    each piece.
+    Stations that are within 1e-6 of each other in the parameter, or of an end, are one. A piece that turns by less than
+    about 1e-5 radians in all has too few digits to show any. Cost of a piece: 10 ms at degree 3, 80 at 20, 300 at 60.
 
     Examples
     --------

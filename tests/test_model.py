@@ -24,7 +24,10 @@ from gtcad.model import Model, schema
 
 SAMPLES = Path(__file__).parent.parent / "samples"
 SCHEMA = schema()
-KINDS = "curve, composite, circle, ellipse, arc, parabola, surface"
+KINDS = (
+    "curve, composite, circle, ellipse, arc, parabola, surface, "
+    "ruled, cylinder, cone, swept, swung, rotation, lofted, coons"
+)
 ARCH: dict[str, Any] = {"name": "arch", "kind": "curve", "control_points": [[0, 0], [1, 2], [2, 0]]}
 ROOF: dict[str, Any] = {
     "name": "roof",

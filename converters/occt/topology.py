@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -36,10 +36,11 @@ TOLERANCE = 1e-7
 """Tolerance of vertices, edges and faces in mm: the kernel's own Precision::Confusion."""
 
 Side = Literal["u0", "u1", "v0", "v1"]
-_AROUND: tuple[Side, ...] = ("v0", "u1", "v1", "u0")  # counter-clockwise in the parameter plane
+Corner = tuple[int, int]
+AROUND: tuple[Side, ...] = ("v0", "u1", "v1", "u0")  # counter-clockwise in the parameter plane
 _AGAINST: tuple[Side, ...] = ("v1", "u0")  # these two are walked against their parameter
 _OPPOSITE: tuple[tuple[Side, Side], ...] = (("u0", "u1"), ("v0", "v1"))
-_ENDS: dict[Side, tuple[tuple[int, int], tuple[int, int]]] = {
+ENDS: dict[Side, tuple[Corner, Corner]] = {
     "u0": ((0, 0), (0, 1)),
     "u1": ((1, 0), (1, 1)),
     "v0": ((0, 0), (1, 0)),
@@ -68,7 +69,7 @@ def make_edge(curve: BSplineCurve | EllipseArc, *, tolerance: float = TOLERANCE)
     """
     with kernel_guard("making an edge"):
         start, end = _end_vertices([curve], tolerance)
-        return _checked(_curve_edge(curve, start, end, tolerance), "edge")
+        return checked(_curve_edge(curve, start, end, tolerance), "edge")
 
 
 def make_wire(wire: Wire, *, tolerance: float = TOLERANCE) -> Any:
@@ -86,7 +87,7 @@ def make_wire(wire: Wire, *, tolerance: float = TOLERANCE) -> Any:
         for curve, start, end in zip(wire.edges, vertices[:-1], vertices[1:], strict=True):
             builder.Add(made, _curve_edge(curve, start, end, tolerance))
         made.Closed(vertices[0].IsSame(vertices[-1]))
-        return _checked(made, "wire")
+        return checked(made, "wire")
 
 
 def _end_vertices(curves: Sequence[BSplineCurve | EllipseArc], tolerance: float) -> list[Any]:
@@ -109,7 +110,7 @@ def _curve_edge(curve: BSplineCurve | EllipseArc, start: Any, end: Any, toleranc
             f"the curve must be longer than the tolerance of {tolerance:.3g} mm, "
             f"it reaches at most {extent:.3g} mm from its start"
         )
-    return _edge(geometry, start, end, (first, last), tolerance)
+    return edge_between(geometry, start, end, (first, last), tolerance)
 
 
 def make_face(surface: BSplineSurface, *, tolerance: float = TOLERANCE) -> Any:
@@ -157,7 +158,7 @@ class Outline:
     points
         The sides that are one point.
     seams
-        For each side that coincides with the opposite one, the side whose edge both use.
+        For each side that coincides with another one, mostly the opposite one, the side whose edge both use.
     """
 
     surface: BSplineSurface
@@ -169,15 +170,15 @@ class Outline:
     @property
     def needed(self) -> tuple[Side, ...]:
         """The sides that need an edge of their own."""
-        return tuple(side for side in _AROUND if self.seams.get(side, side) == side)
+        return tuple(side for side in AROUND if self.seams.get(side, side) == side)
 
 
 def _outline(surface: BSplineSurface, tolerance: float) -> Outline:
     points = surface.control_points
     if (points == points[:1]).all() or (points == points[:, :1]).all():
         raise InputError("the surface is only a curve: all its rows or all its columns of control points are equal")
-    curves = {side: surface.boundary(side) for side in _AROUND}
-    collapsed = frozenset(side for side in _AROUND if _is_point(curves[side], side, tolerance))
+    curves = {side: surface.boundary(side) for side in AROUND}
+    collapsed = frozenset(side for side in AROUND if _is_point(curves[side], side, tolerance))
     seams: dict[Side, Side] = {}
     for first, second in _OPPOSITE:
         if first not in collapsed and second not in collapsed and _coincide(curves, first, second, tolerance):
@@ -227,12 +228,24 @@ def _vertex(position: Array, tolerance: float) -> Any:
     return vertex
 
 
-def _corner_vertices(surface: BSplineSurface, tolerance: float) -> dict[tuple[int, int], Any]:
+def _corner_vertices(surface: BSplineSurface, tolerance: float) -> dict[Corner, Any]:
     """A vertex for each corner; corners at the same place share one."""
+    corners: tuple[Corner, ...] = ((0, 0), (1, 0), (1, 1), (0, 1))
+    places = [surface.control_points[-i, -j] for i, j in corners]
+    return dict(zip(corners, vertices_at(places, tolerance), strict=True))
+
+
+def vertices_at(places: Sequence[Array], tolerance: float) -> list[Any]:
+    """A vertex for each corner place; equal places share one.
+
+    Raises
+    ------
+    InputError
+        When two places nearly meet without being equal.
+    """
     by_place: dict[tuple[float, ...], Any] = {}
-    vertices = {}
-    for corner in ((0, 0), (1, 0), (1, 1), (0, 1)):
-        position = surface.control_points[-corner[0], -corner[1]]
+    vertices = []
+    for position in places:
         place = tuple((position + 0.0).tolist())  # + 0.0: minus zero is the same place
         gap = min((math.dist(place, other) for other in by_place), default=math.inf)
         if 0 < gap <= tolerance:
@@ -241,18 +254,18 @@ def _corner_vertices(surface: BSplineSurface, tolerance: float) -> dict[tuple[in
             )
         if place not in by_place:
             by_place[place] = _vertex(position, tolerance)
-        vertices[corner] = by_place[place]
+        vertices.append(by_place[place])
     return vertices
 
 
-def _side_edge(outline: Outline, side: Side, vertices: Mapping[tuple[int, int], Any], tolerance: float) -> Any:
+def _side_edge(outline: Outline, side: Side, vertices: Mapping[Corner, Any], tolerance: float) -> Any:
     curve = outline.curves[side]
-    start, end = (vertices[corner] for corner in _ENDS[side])
+    start, end = (vertices[corner] for corner in ENDS[side])
     geometry = None if side in outline.points else to_geom_curve(curve)
-    return _edge(geometry, start, end, (float(curve.knots[0]), float(curve.knots[-1])), tolerance)
+    return edge_between(geometry, start, end, (float(curve.knots[0]), float(curve.knots[-1])), tolerance)
 
 
-def _edge(geometry: Any, start: Any, end: Any, parameters: tuple[float, float], tolerance: float) -> Any:
+def edge_between(geometry: Any, start: Any, end: Any, parameters: tuple[float, float], tolerance: float) -> Any:
     """An edge from start to end, forward on its curve; degenerate without one."""
     builder = _BRep.BRep_Builder()
     edge = _TopoDS.TopoDS_Edge()
@@ -268,16 +281,19 @@ def _edge(geometry: Any, start: Any, end: Any, parameters: tuple[float, float], 
     return edge
 
 
-def _side_line(surface: BSplineSurface, side: Side) -> Any:
-    """The straight parameter curve of a side, with the side's own parameter."""
-    knots = surface.knots_u if side[0] == "u" else surface.knots_v
-    fixed = float(knots[0 if side[1] == "0" else -1])
+def _side_line(surface: BSplineSurface, side: Side, mirrored: bool) -> Any:
+    """The straight parameter curve of a side, with the side's own parameter or that of an edge that runs backwards."""
+    across, along = (surface.knots_u, surface.knots_v) if side[0] == "u" else (surface.knots_v, surface.knots_u)
+    fixed = float(across[0 if side[1] == "0" else -1])
+    origin, way = (float(along[0] + along[-1]), -1.0) if mirrored else (0.0, 1.0)
     if side[0] == "u":
-        return _Geom2d.Geom2d_Line(_gp.gp_Pnt2d(fixed, 0.0), _gp.gp_Dir2d(0.0, 1.0))
-    return _Geom2d.Geom2d_Line(_gp.gp_Pnt2d(0.0, fixed), _gp.gp_Dir2d(1.0, 0.0))
+        return _Geom2d.Geom2d_Line(_gp.gp_Pnt2d(fixed, origin), _gp.gp_Dir2d(0.0, way))
+    return _Geom2d.Geom2d_Line(_gp.gp_Pnt2d(origin, fixed), _gp.gp_Dir2d(way, 0.0))
 
 
-def face_on(outline: Outline, edges: Mapping[Side, Any], tolerance: float) -> Any:
+def face_on(
+    outline: Outline, edges: Mapping[Side, Any], tolerance: float, *, mirrored: Collection[Side] = ()
+) -> Any:
     """The face of a surface whose edges exist already, so that neighbours can share them.
 
     Parameters
@@ -288,27 +304,37 @@ def face_on(outline: Outline, edges: Mapping[Side, Any], tolerance: float) -> An
         For each side of `outline.needed` a forward edge that runs along it with the same parameter.
     tolerance
         In mm.
+    mirrored
+        The sides whose edge runs backwards: where the side, with the knots a to b, has the parameter s, the edge has
+        a + b - s.
     """
     builder = _BRep.BRep_Builder()
     face = _TopoDS.TopoDS_Face()
     builder.MakeFace(face, outline.geometry, tolerance)
     wire = _TopoDS.TopoDS_Wire()
     builder.MakeWire(wire)
-    for side in _AROUND:
+    for side in AROUND:
         edge = edges[outline.seams.get(side, side)]
-        orientation = _TopAbs.TopAbs_REVERSED if side in _AGAINST else _TopAbs.TopAbs_FORWARD
-        builder.Add(wire, edge.Oriented(orientation))
+        builder.Add(wire, edge.Oriented(_TopAbs.TopAbs_FORWARD if _ahead(side, mirrored) else _TopAbs.TopAbs_REVERSED))
     for side in outline.needed:
-        _lay_on_face(outline, side, edges[side], face, tolerance)
+        _lay_on_face(outline, side, edges[side], face, tolerance, mirrored)
     wire.Closed(True)
     builder.Add(face, wire)
     builder.NaturalRestriction(face, True)
-    return _checked(face, "face")
+    return checked(face, "face")
 
 
-def _lay_on_face(outline: Outline, side: Side, edge: Any, face: Any, tolerance: float) -> None:
-    lines = [_side_line(outline.surface, other) for other in _AROUND if outline.seams.get(other, other) == side]
-    # _AROUND lists v0 before v1 and u1 before u0: the one walked forward first, as the kernel wants a seam's pair
+def _ahead(side: Side, mirrored: Collection[Side]) -> bool:
+    """Whether the boundary, walked counter-clockwise, follows the edge of a side forwards."""
+    return (side in _AGAINST) == (side in mirrored)
+
+
+def _lay_on_face(
+    outline: Outline, side: Side, edge: Any, face: Any, tolerance: float, mirrored: Collection[Side]
+) -> None:
+    uses = [other for other in AROUND if outline.seams.get(other, other) == side]
+    uses.sort(key=lambda use: not _ahead(use, mirrored))  # a pair begins with the one walked forward
+    lines = [_side_line(outline.surface, use, use in mirrored) for use in uses]
     builder = _BRep.BRep_Builder()
     builder.UpdateEdge(edge, *lines, face, tolerance)
     curve = outline.curves[side]
@@ -318,7 +344,14 @@ def _lay_on_face(outline: Outline, side: Side, edge: Any, face: Any, tolerance: 
 # --- checks -----------------------------------------------------------------------------------------------------------
 
 
-def _checked(shape: Any, what: str) -> Any:
+def checked(shape: Any, what: str) -> Any:
+    """The shape itself.
+
+    Raises
+    ------
+    KernelError
+        When the kernel's own check refuses it.
+    """
     analyzer = _BRepCheck.BRepCheck_Analyzer(shape)
     if analyzer.IsValid():
         return shape

@@ -127,6 +127,13 @@ def fewest_poles(curve: Curve, degree: int, tolerance: float, known: int, budget
     return poles, True
 
 
+def fewer_possible(curve: Curve, degree: int, tolerance: float, poles: int) -> bool:
+    """Whether a spline through the ends with one pole fewer was found within the tolerance."""
+    if poles == degree + 1:
+        return False
+    return FreeKnots(curve, degree, through_ends=True).reaches(poles - 1, tolerance, np.random.default_rng(degree))
+
+
 def least_poles(curve: Curve, degree: int, tolerance: float) -> int:
     """No spline with simple knots has fewer: each of its spans is one polynomial within the tolerance.
 

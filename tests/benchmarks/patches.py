@@ -139,9 +139,8 @@ def _searched(surface: Surface, tolerance: float, counts: tuple[int, ...], make:
     return best
 
 
-def _own(surface: Surface, degree: int | str, tolerance: float, adapt: bool) -> BSplineSurface | None:
-    spline = fit_surface(surface, tolerance=tolerance, degree=degree, adapt=adapt).spline
-    return spline if _true_deviation(surface, spline) <= tolerance else None
+def _own(surface: Surface, degree: int | str, tolerance: float, adapt: bool) -> BSplineSurface:
+    return fit_surface(surface, tolerance=tolerance, degree=degree, adapt=adapt).spline
 
 
 def _poles() -> str:
@@ -160,16 +159,32 @@ def _poles() -> str:
     methods.append(("OCCT PointsToBSplineSurface, defaults, 20 x 20", "<= 8", lambda s, t: _occt(s, t, (3, 8), (20,))))
     methods.append(("build123d from array of points, searched", "<= 3", lambda s, t: _build123d(s, t, several)))
     methods.append(("build123d from array of points, defaults, 20 x 20", "<= 3", lambda s, t: _build123d(s, t, (20,))))
-    rows = []
+    counts, deviations = [], []
     for name, degree, method in methods:
-        row = [name, degree]
-        for tolerance in TOLERANCES:
-            found = [method(surface, tolerance) for surface in pieces.surfaces().values()]
-            missed = f"over {_MOST - 1}" if name.startswith("tensor") else "misses"
-            row.append(" / ".join(_size(spline) if spline else missed for spline in found))
-        rows.append(row)
+        found = {tol: [_timed(method, surface, tol) for surface in pieces.surfaces().values()] for tol in TOLERANCES}
+        missed = f"over {_MOST - 1}" if name.startswith("tensor") else "misses"
+        counts.append([name, degree])
+        deviations.append([name, degree])
+        measure = _to_nearest if name.startswith(("OCCT", "build123d")) else _true_deviation
+        for tolerance, results in found.items():
+            counts[-1].append(" / ".join(_size(spline) if spline else missed for spline, _ in results))
+            shares = [
+                f"{measure(surface, spline) / tolerance:.2f}" if spline else "-"
+                for surface, (spline, _) in zip(pieces.surfaces().values(), results, strict=True)
+            ]
+            deviations[-1].append(" / ".join(shares))
+            deviations[-1].append(" / ".join(f"{1e3 * taken:.0f}" if spline else "-" for spline, taken in results))
     names = " / ".join(pieces.surfaces())
-    return table(["method", "degree", *(f"{tol:.0e}: {names}" for tol in TOLERANCES)], rows)
+    first = table(["method", "degree", *(f"{tol:.0e}: {names}" for tol in TOLERANCES)], counts)
+    columns = [f"{tol:.0e}: {what}" for tol in TOLERANCES for what in ("deviation / tolerance", "ms")]
+    heading = "### True deviation and time (the whole search, for those that were searched)"
+    return "\n\n".join([first, heading, table(["method", "degree", *columns], deviations)])
+
+
+def _timed(method: Callable[[Surface, float], Any], surface: Surface, tolerance: float) -> tuple[Any, float]:
+    start = time.perf_counter()
+    spline = method(surface, tolerance)
+    return spline, time.perf_counter() - start
 
 
 def _size(spline: BSplineSurface) -> str:
