@@ -8,7 +8,6 @@ so that the largest bound of a part bounds the distance of the point sets.
 
 from __future__ import annotations
 
-import abc
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,27 +18,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtcad.basis import Basis, is_whole
-from gtcad.chebyshev import UNIT_ROUNDOFF, gauss_legendre
+from gtcad.chebyshev import gauss_legendre
 from gtcad.composite import Composite
 from gtcad.continuity import check_join, parsed_order
-from gtcad.converters.arcs import curve_of_arc
-from gtcad.converters.bspline import BSplineCurve
-from gtcad.converters.certificate import Certificate, certify_curve
+from gtcad.converters.certificate import Certificate
 from gtcad.converters.fit import precision_floor
 from gtcad.converters.nearest import PointSet, distances, grid
-from gtcad.converters.part import EllipseArc
+from gtcad.converters.sources import Source, source_of
 from gtcad.curve import Curve
 from gtcad.errors import InputError, ToleranceBelowPrecision, ToleranceNotMet
-from gtcad.factors import CurveOfTerms, Stacked
 from gtcad.interpolation import PointFit, approximate
-from gtcad.protocol import SeparableCurve
 from gtcad.restricted import RestrictedCurve
 
 Array = NDArray[np.float64]
 Shape = TypeVar("Shape", Curve, Composite)
 
 _CLOSED = 1e-12  # of the size: ends that differ by less are one
-_SAME_KNOT = 1e-12  # of the domain
 _MATCHED = (32, 64, 128, 256, 512)  # parts that corrected parameters are proved with
 _GOOD = 1.05  # upper bound over the largest distance at matched parameters that needs no more parts
 _FEET = 20
@@ -116,7 +110,7 @@ def nearest_gt(
     >>> design.curve.degree, design.deviation[1] <= 1e-3
     (4, True)
     """
-    given, backwards = _source_of(source)
+    given, backwards = source_of(source)
     Basis(degree)
     if tolerance is not None:
         _check_tolerance(tolerance)
@@ -190,7 +184,7 @@ def nearest_chain(
     if not is_whole(max_pieces) or max_pieces < 1:
         raise InputError(f"max_pieces must be a whole number from 1, got {max_pieces!r}")
     _check_tolerance(tolerance)
-    given, backwards = _source_of(source)
+    given, backwards = source_of(source)
     if Basis(degree).degree < 2 * count + 1:
         raise InputError(f"order {order} needs degree {2 * count + 1} at least, got {degree}")
     size = float(np.abs(given.evaluate(np.linspace(0, 1, 33))).max())
@@ -225,7 +219,7 @@ def nearest_chain(
 # --- fits and their proofs ----------------------------------------------------------------------------------------
 
 
-def _nearest(source: _Source, degree: int, gamma: Sequence[float] | None, correct: bool) -> Design[Curve]:
+def _nearest(source: Source, degree: int, gamma: Sequence[float] | None, correct: bool) -> Design[Curve]:
     if not correct:
         ends = source.evaluate(np.array([0.0, 1.0]))
         curve, proof = _piece(source, ends, degree, 0, gamma)
@@ -236,7 +230,7 @@ def _nearest(source: _Source, degree: int, gamma: Sequence[float] | None, correc
 
 
 def _piece(
-    source: _Source, ends: Array, degree: int, order: int, gamma: Sequence[float] | None
+    source: Source, ends: Array, degree: int, order: int, gamma: Sequence[float] | None
 ) -> tuple[Curve, Certificate]:
     """The curve of least squares with the given ends and the source's derivatives there up to the order."""
     x, weights = _samples(source, degree)
@@ -247,7 +241,7 @@ def _piece(
     return fit.curve, source.certify(fit.curve)
 
 
-def _samples(source: _Source, degree: int) -> tuple[Array, Array]:
+def _samples(source: Source, degree: int) -> tuple[Array, Array]:
     """Parameters, both ends among them, and weights: quadrature on each span, with the weight of Chebyshev."""
     widths = np.diff(source.breaks)
     z, weights = gauss_legendre(max(8, -(-8 * (degree + 2) // len(widths))))
@@ -257,7 +251,7 @@ def _samples(source: _Source, degree: int) -> tuple[Array, Array]:
     return np.concatenate([[0.0], inner, [1.0]]), np.concatenate([ends, density, ends])
 
 
-def _matched_deviation(source: _Source, fit: PointFit, x: Array) -> tuple[float, float]:
+def _matched_deviation(source: Source, fit: PointFit, x: Array) -> tuple[float, float]:
     """Lower bound, estimated, and upper bound, proved, of the distance of two point sets, by matching small parts."""
     lower = _estimated_distance(source, fit.curve)
     upper = source.certify(fit.curve).upper
@@ -289,8 +283,8 @@ def _feet(curve: Curve, points: Array, t: Array) -> Array:
     return t
 
 
-def _estimated_distance(source: _Source, curve: Curve) -> float:
-    def measured(one: _Source | Curve) -> PointSet:
+def _estimated_distance(source: Source, curve: Curve) -> float:
+    def measured(one: Source | Curve) -> PointSet:
         return PointSet.measured(1, lambda t: one.evaluate(t[:, 0]), lambda t: one.derivative(t[:, 0], 1)[:, None])
 
     pair, places = (measured(source), measured(curve)), grid(1, _SEEN)
@@ -306,159 +300,13 @@ def _check_tolerance(tolerance: float) -> None:
 class _Joints:
     """Points where pieces meet: the same numbers for both, and for both ends of a closed source."""
 
-    source: _Source
+    source: Source
     closed: bool
 
     @classmethod
-    def of(cls, source: _Source, size: float) -> _Joints:
+    def of(cls, source: Source, size: float) -> _Joints:
         start, end = source.evaluate(np.array([0.0, 1.0]))
         return cls(source, float(np.linalg.norm(end - start)) <= _CLOSED * size)
 
     def ends(self, a: float, b: float) -> Array:
         return self.source.evaluate(np.array([a, 0.0 if self.closed and b == 1 else b]))
-
-
-# --- sources ------------------------------------------------------------------------------------------------------
-
-
-class _Source(abc.ABC):
-    """A curve on [0, 1] that parts can be cut from and that curves can be proved against."""
-
-    breaks: Array
-    """Where it is not analytic, with both ends."""
-
-    @abc.abstractmethod
-    def corners(self, order: int) -> list[float]:
-        """Where it may be less than C^order, with both ends."""
-
-    @abc.abstractmethod
-    def derivative(self, x: Array, order: int) -> Array:
-        """Derivatives of the order by x, shape (x.size, d)."""
-
-    @abc.abstractmethod
-    def part(self, a: float, b: float) -> _Source:
-        """The part over [a, b], stretched to [0, 1]."""
-
-    @abc.abstractmethod
-    def certify(self, curve: SeparableCurve) -> Certificate:
-        """Prove how far a curve is from it at equal parameters."""
-
-    def evaluate(self, x: Array) -> Array:
-        """Points, shape (x.size, d)."""
-        return self.derivative(x, 0)
-
-    def middle(self, a: float, b: float) -> float:
-        """Where to cut a part: at the break nearest to its middle, unless there is none in its inner half."""
-        middle = (a + b) / 2
-        nearest = float(self.breaks[np.abs(self.breaks - middle).argmin()])
-        return nearest if abs(nearest - middle) <= (b - a) / 4 else middle
-
-
-class _ShapeSource(_Source):
-    """A curve of the protocol."""
-
-    def __init__(self, curve: SeparableCurve) -> None:
-        self.curve, self.breaks = curve, np.array([0.0, 1.0])
-
-    def corners(self, order: int) -> list[float]:
-        return [0.0, 1.0]
-
-    def derivative(self, x: Array, order: int) -> Array:
-        return self.curve.derivative(x, order)
-
-    def part(self, a: float, b: float) -> _Source:
-        return _ShapeSource(RestrictedCurve(self.curve, (a, b)))
-
-    def certify(self, curve: SeparableCurve) -> Certificate:
-        coefficients = np.concatenate([curve.coefficients, -self.curve.coefficients])
-        difference = CurveOfTerms(Stacked((curve.factors, self.curve.factors)), coefficients)
-        return certify_curve(difference, BSplineCurve(np.zeros((2, curve.dimension)), [0.0, 1.0], [2, 2], 1))
-
-
-class _SplineSource(_Source):
-    """A B-spline; ``slack`` bounds the rounding of its points where it was cut from another one."""
-
-    def __init__(self, spline: BSplineCurve, slack: float = 0.0) -> None:
-        self.spline, self.slack = spline, slack
-        self.breaks = (spline.knots - spline.knots[0]) / (spline.knots[-1] - spline.knots[0])
-
-    def corners(self, order: int) -> list[float]:
-        least = self.spline.degree - order + 1
-        return [float(x) for x, m in zip(self.breaks, self.spline.multiplicities, strict=True) if m >= least]
-
-    def derivative(self, x: Array, order: int) -> Array:
-        start, end = self.spline.domain
-        return self.spline.derivative(start * (1 - x) + end * x, order) * (end - start) ** order
-
-    def part(self, a: float, b: float) -> _Source:
-        if (a, b) == (0.0, 1.0):
-            return self
-        spline = _cut(self.spline, self._knot(a), self._knot(b))
-        # every pole is a chain of up to 2 p combinations of two, each with an error of at most 8 units
-        weights = np.ones(1) if spline.weights is None else spline.weights
-        rounding = (
-            16 * self.spline.degree * UNIT_ROUNDOFF * float(np.linalg.norm(self.spline.homogeneous, axis=1).max())
-        )
-        size = float(np.linalg.norm(self.spline.control_points, axis=1).max())
-        growth = 1.0 if self.spline.weights is None else (1 + size) / float(weights.min())
-        return _SplineSource(spline, rounding * growth)
-
-    def _knot(self, x: float) -> float:
-        """The spline's own parameter, at a break the knot to the last digit."""
-        nearest = int(np.abs(self.breaks - x).argmin())
-        if abs(self.breaks[nearest] - x) <= _SAME_KNOT:
-            return float(self.spline.knots[nearest])
-        start, end = self.spline.domain
-        return start * (1 - x) + end * x
-
-    def certify(self, curve: SeparableCurve) -> Certificate:
-        found = certify_curve(curve, self.spline)
-        return Certificate(max(0.0, found.lower - self.slack), found.upper + self.slack, found.place)
-
-
-def _cut(spline: BSplineCurve, start: float, end: float) -> BSplineCurve:
-    """The part over [start, end]: both are made knots of full multiplicity (Boehm's algorithm)."""
-    flat, poles, degree = spline.flat_knots, spline.homogeneous, spline.degree
-    for u in (start, end):
-        for _ in range(degree - int((flat == u).sum())):
-            last = int(np.searchsorted(flat, u, "right")) - 1
-            i = np.arange(last - degree + 1, last + 1)
-            share = ((u - flat[i]) / (flat[i + degree] - flat[i]))[:, None]
-            mixed = share * poles[i] + (1 - share) * poles[i - 1]
-            poles = np.concatenate([poles[: i[0]], mixed, poles[last:]])
-            flat = np.insert(flat, last + 1, u)
-    first, stop = np.searchsorted(flat, start, "right") - degree - 1, np.searchsorted(flat, end, "left")
-    inside = (spline.knots > start) & (spline.knots < end)
-    counts = [m for m, inner in zip(spline.multiplicities, inside, strict=True) if inner]
-    kept = poles[first:stop]
-    points, weights = (kept, None) if spline.weights is None else (kept[:, :-1] / kept[:, -1:], kept[:, -1])
-    knots = [start, *spline.knots[inside], end]
-    return BSplineCurve(points, knots, [degree + 1, *counts, degree + 1], degree, weights)
-
-
-def _source_of(source: Any) -> tuple[_Source, bool]:
-    """What to approximate, and whether its direction is against that of the edge it came from."""
-    if isinstance(source, BSplineCurve):
-        return _SplineSource(source), False
-    if isinstance(source, EllipseArc):
-        return _ShapeSource(curve_of_arc(source)), False
-    if isinstance(source, SeparableCurve):
-        return _ShapeSource(source), False
-    shape = getattr(source, "wrapped", source)
-    if not type(shape).__name__.startswith("TopoDS_"):
-        kinds = "a BSplineCurve, an EllipseArc, a curve of gtcad or an edge of the kernel"
-        raise InputError(f"source must be {kinds}, got {type(source).__name__}")
-    return _source_of_edge(shape)
-
-
-def _source_of_edge(shape: Any) -> tuple[_Source, bool]:
-    from gtcad.converters.occt.compat import kernel_guard, kernel_module
-    from gtcad.converters.occt.pieces import edge_geometry
-
-    kinds = kernel_module("TopAbs")
-    if shape.IsNull() or shape.ShapeType() != kinds.TopAbs_EDGE:
-        kind = "an empty shape" if shape.IsNull() else str(shape.ShapeType()).rsplit("_", 1)[-1].lower()
-        raise InputError(f"source must be an edge of the kernel, got {kind}")
-    with kernel_guard("the curve of an edge"):
-        geometry, _ = edge_geometry(shape)
-    return _source_of(geometry)[0], shape.Orientation() == kinds.TopAbs_REVERSED

@@ -343,9 +343,8 @@ def info(
     if as_json:
         _print_json(file=file, **content)
         return
-    print(
-        f"{tables.printable(file)}: {content['format']}, unit {content['unit']}, size {tables.size(content['box'], content['box_of'])}"
-    )
+    size = tables.size(content["box"], content["box_of"])
+    print(f"{tables.printable(file)}: {content['format']}, unit {content['unit']}, size {size}")
     if content["shapes"]:
         row = tables.model_row if is_model else tables.part_row
         tables.print_table(

@@ -169,8 +169,7 @@ class Quilt:
         known = cls(surfaces, labels, tuple(stated))
         for edge, width in zip(known.edges, known.gaps, strict=True):
             known._check_stated(edge, width, gap)
-        taken = {use for edge in known.edges for use in (edge.first, edge.second)}
-        found = _matched(known, [use for use in known.free if use not in taken])
+        found = _matched(known)
         return cls(surfaces, labels, known.edges + _with_orders(known, found, order))
 
     def label(self, use: Use) -> str:
@@ -180,8 +179,8 @@ class Quilt:
     @cached_property
     def free(self) -> tuple[Use, ...]:
         """The sides that are in no shared edge and not collapsed."""
-        shared = {use for edge in self.edges for use in (edge.first, edge.second)}
-        return tuple(use for use in self._uses if use not in shared and use not in set(self.collapsed))
+        others = {use for edge in self.edges for use in (edge.first, edge.second)}.union(self.collapsed)
+        return tuple(use for use in self._uses if use not in others)
 
     @cached_property
     def collapsed(self) -> tuple[Use, ...]:
@@ -325,11 +324,11 @@ def _largest(a: Array, b: Array) -> float:
     return float(np.linalg.norm(a - b, axis=-1).max())
 
 
-def _matched(quilt: Quilt, uses: list[Use]) -> list[SharedEdge]:
-    """The sides that are one curve, two by two, in the order of the sides."""
+def _matched(quilt: Quilt) -> list[SharedEdge]:
+    """The free sides that are one curve, two by two, in the order of the sides."""
+    uses, near = quilt.free, quilt._near
     if not uses:
         return []
-    near = quilt._near
     points = np.stack([quilt._points(use) for use in uses])
     # equal curves, also backwards, have equal marks: only sides with neighbouring marks are compared
     marks = np.concatenate([points[:, 0] + points[:, -1], points[:, points.shape[1] // 2]], axis=1)

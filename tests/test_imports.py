@@ -79,6 +79,7 @@ ORDER = [
     "gtcad.converters.occt.document",
     "gtcad.converters.solid",
     "gtcad.converters.occt.exchange",
+    "gtcad.converters.sources",
     "gtcad.converters.design",
     "gtcad.converters.step",
     "gtcad.converters.iges",
@@ -101,7 +102,7 @@ ORDER = [
     "gtcad.cli",
     "gtcad.__main__",
 ]
-WITHOUT_KERNEL = ("bspline", "fit", "certificate", "exact")
+WITHOUT_KERNEL = ("bspline", "fit", "certificate", "exact", "chain", "offset", "quilt_fit")
 KERNELS = ("OCP", "build123d", "cadquery", "cadquery_ocp", "ocpsvg", "ocp_vscode")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -38,6 +38,7 @@ TOLERANCE = 1e-7
 Side = Literal["u0", "u1", "v0", "v1"]
 Corner = tuple[int, int]
 AROUND: tuple[Side, ...] = ("v0", "u1", "v1", "u0")  # counter-clockwise in the parameter plane
+CORNERS: tuple[Corner, ...] = ((0, 0), (1, 0), (1, 1), (0, 1))
 _AGAINST: tuple[Side, ...] = ("v1", "u0")  # these two are walked against their parameter
 _OPPOSITE: tuple[tuple[Side, Side], ...] = (("u0", "u1"), ("v0", "v1"))
 ENDS: dict[Side, tuple[Corner, Corner]] = {
@@ -174,16 +175,28 @@ class Outline:
 
 
 def _outline(surface: BSplineSurface, tolerance: float) -> Outline:
+    outline = outline_without_seams(surface, tolerance)
+    seams: dict[Side, Side] = {}
+    for first, second in _OPPOSITE:
+        if outline.points.isdisjoint((first, second)) and _coincide(outline.curves, first, second, tolerance):
+            seams |= {first: first, second: first}
+    return replace(outline, seams=seams)
+
+
+def outline_without_seams(surface: BSplineSurface, tolerance: float) -> Outline:
+    """The outline of a patch, all its sides taken as apart.
+
+    Raises
+    ------
+    InputError
+        When a side is shorter than the tolerance without being a point, or the patch is only a curve.
+    """
     points = surface.control_points
     if (points == points[:1]).all() or (points == points[:, :1]).all():
         raise InputError("the surface is only a curve: all its rows or all its columns of control points are equal")
     curves = {side: surface.boundary(side) for side in AROUND}
     collapsed = frozenset(side for side in AROUND if _is_point(curves[side], side, tolerance))
-    seams: dict[Side, Side] = {}
-    for first, second in _OPPOSITE:
-        if first not in collapsed and second not in collapsed and _coincide(curves, first, second, tolerance):
-            seams |= {first: first, second: first}
-    return Outline(surface, to_geom_surface(surface), curves, collapsed, seams)
+    return Outline(surface, to_geom_surface(surface), curves, collapsed, {})
 
 
 def _is_point(curve: BSplineCurve, side: Side, tolerance: float) -> bool:
@@ -230,9 +243,12 @@ def _vertex(position: Array, tolerance: float) -> Any:
 
 def _corner_vertices(surface: BSplineSurface, tolerance: float) -> dict[Corner, Any]:
     """A vertex for each corner; corners at the same place share one."""
-    corners: tuple[Corner, ...] = ((0, 0), (1, 0), (1, 1), (0, 1))
-    places = [surface.control_points[-i, -j] for i, j in corners]
-    return dict(zip(corners, vertices_at(places, tolerance), strict=True))
+    return dict(zip(CORNERS, vertices_at(corner_places(surface), tolerance), strict=True))
+
+
+def corner_places(surface: BSplineSurface) -> list[Array]:
+    """The points of a patch at ``CORNERS``."""
+    return [surface.control_points[-i, -j] for i, j in CORNERS]
 
 
 def vertices_at(places: Sequence[Array], tolerance: float) -> list[Any]:
@@ -315,7 +331,7 @@ def face_on(
     builder.MakeWire(wire)
     for side in AROUND:
         edge = edges[outline.seams.get(side, side)]
-        builder.Add(wire, edge.Oriented(_TopAbs.TopAbs_FORWARD if _ahead(side, mirrored) else _TopAbs.TopAbs_REVERSED))
+        builder.Add(wire, edge.Oriented(_TopAbs.TopAbs_FORWARD if walked_ahead(side, mirrored) else _TopAbs.TopAbs_REVERSED))
     for side in outline.needed:
         _lay_on_face(outline, side, edges[side], face, tolerance, mirrored)
     wire.Closed(True)
@@ -324,7 +340,7 @@ def face_on(
     return checked(face, "face")
 
 
-def _ahead(side: Side, mirrored: Collection[Side]) -> bool:
+def walked_ahead(side: Side, mirrored: Collection[Side]) -> bool:
     """Whether the boundary, walked counter-clockwise, follows the edge of a side forwards."""
     return (side in _AGAINST) == (side in mirrored)
 
@@ -333,7 +349,7 @@ def _lay_on_face(
     outline: Outline, side: Side, edge: Any, face: Any, tolerance: float, mirrored: Collection[Side]
 ) -> None:
     uses = [other for other in AROUND if outline.seams.get(other, other) == side]
-    uses.sort(key=lambda use: not _ahead(use, mirrored))  # a pair begins with the one walked forward
+    uses.sort(key=lambda use: not walked_ahead(use, mirrored))  # a pair begins with the one walked forward
     lines = [_side_line(outline.surface, use, use in mirrored) for use in uses]
     builder = _BRep.BRep_Builder()
     builder.UpdateEdge(edge, *lines, face, tolerance)

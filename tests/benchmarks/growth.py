@@ -120,7 +120,7 @@ def _plot(series: dict[str, Series]) -> None:
     mpl.use("Agg")
     from matplotlib import pyplot
 
-    mpl.rcParams["svg.hashsalt"] = "gtcad"
+    mpl.rcParams.update({"svg.hashsalt": "gtcad", "svg.fonttype": "none"})
     figure, rows = pyplot.subplots(3, 2, figsize=(10, 11), layout="constrained")
     for axes, kind in zip(rows, ("patches", "degree", "1 / tolerance"), strict=True):
         for name, (sizes, times, poles) in series.items():

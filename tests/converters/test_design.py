@@ -13,10 +13,11 @@ from gtcad import Curve
 from gtcad.continuity import check_join
 from gtcad.converters import fit_curve
 from gtcad.converters.bspline import BSplineCurve
-from gtcad.converters.design import _cut, nearest_chain, nearest_gt
+from gtcad.converters.design import nearest_chain, nearest_gt
 from gtcad.converters.occt.compat import kernel_module, point
 from gtcad.converters.occt.geometry import to_geom_curve
 from gtcad.converters.part import EllipseArc
+from gtcad.converters.sources import cut
 from gtcad.errors import InputError, KernelError, ToleranceBelowPrecision, ToleranceNotMet
 from gtcad.restricted import Restricted
 from tests import pieces, splines
@@ -239,7 +240,7 @@ def test_a_part_of_a_spline_is_the_spline(degree, rational):
     spline = shapes.curve(degree, degree, rational, 3)
     start, end = spline.domain
     for a, b in [(0.0, 0.4), (0.13, 0.86), (0.7, 1.0), (float(spline.knots[1] - start) / (end - start), 1.0)]:
-        part = _cut(spline, start + a * (end - start), start + b * (end - start))
+        part = cut(spline, start + a * (end - start), start + b * (end - start))
         assert np.abs(held(part, LINE) - held(spline, a + LINE * (b - a))).max() < 1e-11
 
 
