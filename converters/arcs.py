@@ -8,6 +8,7 @@ arc.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -66,15 +67,17 @@ def certify_chain_arc(chain: Composite, arc: EllipseArc) -> tuple[Certificate, .
     InputError
         When a piece is no arc of an ellipse in space.
     """
-    pieces = _turnings(chain)
-    if pieces is None:
+    if _turnings(chain) is None:
         raise InputError("every piece must be a space curve of degree 2 with gamma = (0, 0)")
-    places = np.cumsum([0.0, *(piece.quarters for piece in pieces)])
+    return tuple(map(certify_arc, chain.pieces, split_arc(arc, chain.pieces)))
+
+
+def split_arc(arc: EllipseArc, pieces: Sequence[SeparableCurve]) -> list[EllipseArc]:
+    """The parts of an arc for the pieces of a chain: of the angle, each gets what it is of a whole piece's domain."""
+    shares = [abs(end - start) for _, start, end in (whole_factors(piece.factors) for piece in pieces)]
+    places = np.cumsum([0.0, *shares])
     angles = (arc.start + (arc.end - arc.start) * places / places[-1]).tolist()
-    return tuple(
-        certify_arc(piece, EllipseArc(arc.center, arc.axis_a, arc.axis_b, *ends))
-        for piece, ends in zip(chain.pieces, pairwise(angles), strict=True)
-    )
+    return [EllipseArc(arc.center, arc.axis_a, arc.axis_b, *ends) for ends in pairwise(angles)]
 
 
 def curve_of_arc(arc: EllipseArc) -> CurveOfTerms:

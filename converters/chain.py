@@ -30,6 +30,8 @@ from gtcad.protocol import SeparableCurve
 
 Array = NDArray[np.float64]
 
+Edge = BSplineCurve | EllipseArc
+
 _JOINING = 1e-12  # of the size: what rounding may add where splines are joined
 _LEAST_DEGREE = 3
 _PROMISING = 1.25  # adapted knots have not been seen to save more poles at one degree than at another beyond this
@@ -54,7 +56,7 @@ class ChainFit:
         What was fitted.
     """
 
-    edges: tuple[BSplineCurve | EllipseArc, ...]
+    edges: tuple[Edge, ...]
     runs: tuple[range, ...]
     deviations: tuple[tuple[float, float], ...]
     exact: bool
@@ -70,13 +72,13 @@ class ChainFit:
         """What happens at each joint of the edges, those within a spline included."""
         parts: list[Derivable] = []
         for edge, run in zip(self.edges, self.runs, strict=True):
-            parts += pieces_of(edge, self.chain.pieces[run.start : run.stop])
+            parts += map(as_curve, parts_of(edge, self.chain.pieces[run.start : run.stop]))
         following = [*parts[1:], *parts[:1]] if self.chain.closed else parts[1:]
         limits = thresholds or Thresholds()
         return tuple(check_join(a, b, thresholds=limits) for a, b in zip(parts, following, strict=False))
 
 
-def pieces_of(edge: BSplineCurve | EllipseArc, pieces: Sequence[SeparableCurve]) -> list[Derivable]:
+def parts_of(edge: Edge, pieces: Sequence[SeparableCurve]) -> list[Edge]:
     """The parts of an edge that stand for the pieces of a chain.
 
     Raises
@@ -84,19 +86,16 @@ def pieces_of(edge: BSplineCurve | EllipseArc, pieces: Sequence[SeparableCurve])
     InputError
         When the spline has no knots where pieces should meet.
     """
-    if len(pieces) == 1 and isinstance(edge, BSplineCurve):
+    if len(pieces) == 1:
         return [edge]
-    if isinstance(edge, EllipseArc):
-        shares = np.cumsum([0.0, *(_share(piece) for piece in pieces)])
-        angles = (edge.start + (edge.end - edge.start) * shares / shares[-1]).tolist()
-        return [curve_of_arc(EllipseArc(edge.center, edge.axis_a, edge.axis_b, *ends)) for ends in pairwise(angles)]
-    return [extracted(edge, a, b) for a, b in pairwise(joint_knots(edge, len(pieces)))]
+    if isinstance(edge, BSplineCurve):
+        return [extracted(edge, a, b) for a, b in pairwise(joint_knots(edge, len(pieces)))]
+    return split_arc(edge, pieces)
 
 
-def _share(piece: SeparableCurve) -> float:
-    """The part of a whole piece's domain that a piece covers."""
-    _, start, end = whole_factors(piece.factors)
-    return abs(end - start)
+def as_curve(edge: Edge) -> Derivable:
+    """An edge with derivatives, an arc by a parameter on [0, 1]."""
+    return edge if isinstance(edge, BSplineCurve) else curve_of_arc(edge)
 
 
 def joint_knots(spline: BSplineCurve, count: int) -> list[int]:
@@ -118,12 +117,11 @@ def runs_of(chain: Composite) -> tuple[range, ...]:
     """The pieces that share an edge: those joined C1 to C3, from the first piece on."""
     count = len(chain.pieces)
     ends = [k + 1 for k, order in enumerate(chain.orders[: count - 1]) if not _is_smooth(order)]
-    return tuple(range(a, b) for a, b in zip([0, *ends], [*ends, count], strict=True))
+    return tuple(range(a, b) for a, b in pairwise([0, *ends, count]))
 
 
 def _is_smooth(order: str) -> bool:
-    kind, count = parsed_order(order)
-    return kind == "C" and count > 0
+    return order in ("C1", "C2", "C3")
 
 
 def fit_chain(

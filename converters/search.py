@@ -153,6 +153,8 @@ def fewest(side: Side, goal: float, proof: Proof[Proved], *, adapt: bool) -> Pro
         found = _passing(side.kind(poles), goal, proof)
         if found is not None:
             break
+    if adapt and found is None:
+        found = _passing(side.adapted(side.most, _MARGIN * goal), goal, proof)
     if found is None or not adapt:
         return None if found is None else found[1]
     failed, passed = side.least - 1, found[0].knots.poles
@@ -251,10 +253,11 @@ def fewest_pair(
         return side.adapted(poles, 0.5 * goal)
 
     found = _search_pair(u, v, goal, Side.kind, passing, math.inf)
+    if adapt:
+        limit = math.inf if found is None else math.prod(one.knots.poles for one in found[0])
+        found = _search_pair(u, v, goal, own, passing, limit) or found
     if found is None or not adapt:
         return None if found is None else found[1]
-    (a, b), _ = found
-    found = _search_pair(u, v, goal, own, passing, a.knots.poles * b.knots.poles) or found
     (a, b), _ = found
     found = _lower_degree(u, a, 0.5 * goal, lambda one: passing(one, b), found)
     (a, b), _ = found
@@ -292,16 +295,19 @@ class _Choices:
         self.side, self.goal, self.source = side, goal, source
         self.made: list[Approximation | None] = []
         first = _first_within(side, goal)
+        if first is None and source is not Side.kind and self._within(side.most):
+            first = side.most
         if first is None:
             self.numbers = range(0)
             return
         step = max(1, first // 24)
-        while source is not Side.kind and first > side.least:
-            one = source(side, first - step)
-            if one is None or one.error > goal:
-                break
+        while source is not Side.kind and first > side.least and self._within(first - step):
             first -= step
         self.numbers = range(first, first + _CHOICES * step, step)
+
+    def _within(self, poles: int) -> bool:
+        one = self.source(self.side, poles)
+        return one is not None and one.error <= self.goal
 
     def __getitem__(self, index: int) -> Approximation | None:
         """None when it is not within the goal, or when one with fewer poles is far below it."""

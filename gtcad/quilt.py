@@ -76,6 +76,11 @@ class SharedEdge:
     order: str = "C0"
 
     @property
+    def uses(self) -> tuple[Use, Use]:
+        """Both sides."""
+        return self.first, self.second
+
+    @property
     def turns(self) -> bool:
         """Whether just one of both patches must be turned over for the two to have one orientation."""
         return _RUNS[self.first.side] == _RUNS[self.second.side] * (-1 if self.reversed else 1)
@@ -119,7 +124,7 @@ class Quilt:
         seen: set[Use] = set()
         for edge in self.edges:
             parsed_order(edge.order)
-            for use in (edge.first, edge.second):
+            for use in edge.uses:
                 if use.side not in SIDES or not 0 <= use.patch < len(self.patches):
                     raise InputError(f"an edge refers to side {use.side!r} of patch {use.patch}, which does not exist")
                 if use in seen:
@@ -179,7 +184,7 @@ class Quilt:
     @cached_property
     def free(self) -> tuple[Use, ...]:
         """The sides that are in no shared edge and not collapsed."""
-        others = {use for edge in self.edges for use in (edge.first, edge.second)}.union(self.collapsed)
+        others = {use for edge in self.edges for use in edge.uses}.union(self.collapsed)
         return tuple(use for use in self._uses if use not in others)
 
     @cached_property
@@ -263,7 +268,7 @@ class Quilt:
 
     def _check_stated(self, edge: SharedEdge, width: float, gap: float) -> None:
         labels = f"{self.label(edge.first)} and {self.label(edge.second)}"
-        if edge.first in self.collapsed or edge.second in self.collapsed:
+        if not {*edge.uses}.isdisjoint(self.collapsed):
             raise InputError(f"{labels} are stated as one edge, but a side that is one point can be none")
         if width > max(gap, self._near):
             raise InputError(f"{labels} are stated as one edge, but are {width:.3g} apart; gap allows {gap:.3g}")
@@ -354,7 +359,7 @@ def _with_orders(quilt: Quilt, edges: Iterable[SharedEdge], order: str | Mapping
         return tuple(replace(edge, order=order) for edge in edges)
     result, left = [], dict(order)
     for edge in edges:
-        given = {left.pop(use) for use in (edge.first, edge.second) if use in left}
+        given = {left.pop(use) for use in edge.uses if use in left}
         if len(given) > 1:
             raise InputError(f"order differs for {quilt.label(edge.first)} and {quilt.label(edge.second)}, one edge")
         result.append(replace(edge, order=given.pop() if given else "C0"))

@@ -35,6 +35,7 @@ ORDER = [
     "gtcad.roots",
     "gtcad.queries",
     "gtcad.offset",
+    "gtcad._fitting",
     "gtcad.interpolation",
     "gtcad.combs",
     "gtcad.pictures",

@@ -283,3 +283,17 @@ def test_none_when_no_pair_passes():
     assert fewest_pair(u, v, 1e-3, lambda a, b: None, surface.coefficients, adapt=True) is None
     u, v = surface_sides(surface, max_spans=2)
     assert fewest_pair(u, v, 1e-6, lambda a, b: (a, b), surface.coefficients, adapt=True) is None
+
+
+def test_a_limit_of_spans_that_own_knots_of_a_surface_keep_is_enough():
+    surface = pieces.surfaces()["S54"]
+
+    def proof(a, b):
+        return (a, b) if surface_deviation(a, b, surface) <= 1e-4 else None
+
+    u, v = surface_sides(surface)
+    free = fewest_pair(u, v, 1e-4, proof, surface.coefficients, adapt=True)
+    u, v = surface_sides(surface, max_spans=max(one.knots.spans for one in free))
+    assert fewest_pair(u, v, 1e-4, proof, surface.coefficients, adapt=False) is None
+    a, b = fewest_pair(u, v, 1e-4, proof, surface.coefficients, adapt=True)
+    assert a.knots.poles * b.knots.poles <= free[0].knots.poles * free[1].knots.poles
