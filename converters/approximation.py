@@ -53,6 +53,8 @@ _NEAR_MISS = 1.3  # of the goal: worth another start
 _DENSITY = 3  # of samples where the error has to be close to the true one
 _DENSITY_POINTS = 240
 _FEW_POLES = 48  # above, banded normal equations take the place of an orthogonal factorisation
+_HIGH_DEGREE = 11
+_LEAST_WEIGHT = 1e-6
 _MOST_POLES = 160  # above, knots are not moved and errors not levelled: it would take too long
 _LEAST_GAP = 0.02  # of the mean span: knots that approach each other further trouble kernels
 
@@ -152,7 +154,7 @@ class Problem:
         matrix = self.ends.copy()
         if self.inner.start >= self.inner.stop:
             return matrix
-        if self.knots.poles > _FEW_POLES:
+        if not _few(self.knots):
             scaled = self.local if weights is None else self.local * weights.reshape(*self.local.shape[:2], 1)
             equations = self._equations(scaled)
             for _ in range(2):  # the second time for the rounding of the first
@@ -260,10 +262,19 @@ def approximate(
             best = Approximation(knots, matrix, problem.values, residual, errors)
         if error <= goal:
             break
-        weights = weights * (errors / error + 1e-3)
-        weights /= weights.max()
+        weights = _normalised(weights * (errors / error + 1e-3))
     assert best is not None
     return best
+
+
+def _normalised(weights: Array) -> Array:
+    """Largest 1, and none so small that the equations become singular."""
+    return np.maximum(weights / weights.max(), _LEAST_WEIGHT)
+
+
+def _few(knots: Knots) -> bool:
+    """Whether an orthogonal factorisation is affordable, or needed: a high degree squares to ill condition."""
+    return knots.poles <= (_FEW_POLES if knots.degree <= _HIGH_DEGREE else _MOST_POLES)
 
 
 def equidistributed(bundle: Bundle, degree: int, spans: int) -> Array:
@@ -419,8 +430,7 @@ class _KnotSearch:
             hopeless = step >= _HOPELESS_STEPS and best_error > _HOPELESS * goal > 0
             if error <= 0.9 * goal or idle > 6 or error == 0 or hopeless:
                 break
-            weights = weights * np.sqrt(errors / error + 1e-3)
-            weights /= weights.max()
+            weights = _normalised(weights * np.sqrt(errors / error + 1e-3))
             trial = self._solve(trial.breaks, weights)
             trial, damping = self._step(trial, weights, damping)
         return best
@@ -428,7 +438,7 @@ class _KnotSearch:
     def _solve(self, breaks: Array, weights: Array) -> _Trial:
         knots = Knots.smooth(breaks, self.degree)
         flat = knots.flat
-        few = knots.poles <= _FEW_POLES
+        few = _few(knots)
         functions = sampled(flat, self.degree, self.t)
         design = functions.dense() if few else functions.sparse()
         first, last = _end_poles(self.wanted, knots, self.end_order)

@@ -7,6 +7,7 @@ joints separate edges. What is proved is the edge as it stands in the end.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -16,16 +17,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gtcad.basis import is_whole
 from gtcad.composite import Composite
 from gtcad.continuity import Derivable, JoinReport, Thresholds, check_join, parsed_order
-from gtcad.converters.arcs import arc_of_chain, certify_chain_arc, curve_of_arc
-from gtcad.converters.bspline import BSplineCurve
+from gtcad.converters.arcs import arc_of_chain, certify_chain_arc, curve_of_arc, split_arc
+from gtcad.converters.bspline import MAX_DEGREE, BSplineCurve
 from gtcad.converters.certificate import Certificate, certify_curve, deciding
-from gtcad.converters.exact import IDENTITY, ParameterMap, exact_map, whole_factors
+from gtcad.converters.exact import IDENTITY, ParameterMap, exact_map
 from gtcad.converters.fit import fit_curve
 from gtcad.converters.part import EllipseArc
-from gtcad.converters.spline_parts import extracted, merged
-from gtcad.errors import InputError, ToleranceNotMet
+from gtcad.converters.spline_basis import EndOrder, both_ends
+from gtcad.converters.spline_parts import elevated, extracted, merged
+from gtcad.errors import InputError, ToleranceBelowPrecision, ToleranceNotMet
 from gtcad.protocol import SeparableCurve
 
 Array = NDArray[np.float64]
@@ -90,7 +93,7 @@ def parts_of(edge: Edge, pieces: Sequence[SeparableCurve]) -> list[Edge]:
         return [edge]
     if isinstance(edge, BSplineCurve):
         return [extracted(edge, a, b) for a, b in pairwise(joint_knots(edge, len(pieces)))]
-    return split_arc(edge, pieces)
+    return [*split_arc(edge, pieces)]
 
 
 def as_curve(edge: Edge) -> Derivable:
@@ -129,7 +132,8 @@ def fit_chain(
     *,
     tolerance: float,
     degree: int | str = 5,
-    end_order: int = 0,
+    continuity: int | None = None,
+    end_order: EndOrder = 0,
     exact: str | bool = "auto",
     max_degree: int = 11,
     adapt: bool = True,
@@ -141,7 +145,7 @@ def fit_chain(
     ----------
     chain
         Open or closed; every joint must meet its order.
-    tolerance, degree, end_order, exact, max_degree, adapt
+    tolerance, degree, continuity, end_order, exact, max_degree, adapt
         As of ``fit_curve``. "auto" takes one degree for the whole chain; ``end_order`` is that of the chain's own
         ends; exact forms serve only where every piece has one, and arcs of one ellipse are one edge.
     options
@@ -154,38 +158,52 @@ def fit_chain(
     ToleranceBelowPrecision, ToleranceNotMet
         As ``fit_curve``.
     """
-    _check_joints(chain)
-    if exact is not False and end_order == 0:
+    if not (tolerance > 0 and math.isfinite(tolerance)):
+        raise InputError(f"tolerance must be a finite number above 0, got {tolerance}")
+    if exact not in ("auto", True, False):
+        raise InputError(f'exact must be "auto", True or False, got {exact!r}')
+    if problem := chain.unmet():
+        raise InputError(problem)
+    free = both_ends(end_order)
+    if exact is not False and not any(free):
         form = _arc(chain, tolerance) or _exact_forms(chain, tolerance)
         if form is not None:
             return form
     if exact is True:
-        raise InputError("exact=True, but not every piece of this chain has an exact form that keeps its joints")
-    ends = [_end_orders(chain, piece, end_order) for piece in range(len(chain.pieces))]
+        raise InputError("exact=True, but this chain has no exact form that keeps its joints at end_order 0")
+    ends = [_end_orders(chain, piece, free) for piece in range(len(chain.pieces))]
     size = max(float(np.abs(piece.coefficients).max()) for piece in chain.pieces)
-    allowed = tolerance - min(_JOINING * size, tolerance / 10)
+    margin = min(_JOINING * size, tolerance / 10)
 
     def fitted(one: int | str, *, adapt: bool) -> list[BSplineCurve]:
-        settings: dict[str, Any] = {"tolerance": allowed, "degree": one, "exact": False, "adapt": adapt, **options}
+        settings: dict[str, Any] = {"degree": one, "continuity": continuity, "exact": False, "adapt": adapt, **options}
         pairs = zip(chain.pieces, ends, strict=True)
-        return [fit_curve(piece, end_order=end, **settings).spline for piece, end in pairs]
+        try:
+            return [
+                fit_curve(one, tolerance=tolerance - margin, end_order=end, **settings).spline for one, end in pairs
+            ]
+        except ToleranceNotMet as error:
+            raise ToleranceNotMet(tolerance, error.achieved + margin, error.spans, error.limit) from None
+        except ToleranceBelowPrecision as error:
+            raise ToleranceBelowPrecision(tolerance, error.floor + margin) from None
 
-    degrees = _promising(fitted, max_degree) if degree == "auto" else [degree]
+    degrees = [degree] if degree != "auto" else _promising(fitted, continuity, max_degree)
     return _joined(chain, min((fitted(one, adapt=adapt) for one in degrees), key=_poles), tolerance)
 
 
-def _promising(fitted: Callable[..., list[BSplineCurve]], max_degree: int) -> list[int]:
+def _promising(fitted: Callable[..., list[BSplineCurve]], continuity: int | None, max_degree: int) -> list[int]:
     """The degrees that may need the fewest poles once knots are adapted, by what cached operators need."""
+    if not (is_whole(max_degree) and _LEAST_DEGREE <= max_degree <= MAX_DEGREE):
+        raise InputError(f"max_degree must be a whole number in [{_LEAST_DEGREE}, {MAX_DEGREE}], got {max_degree!r}")
+    if continuity is not None and not (is_whole(continuity) and 0 <= continuity < max_degree):
+        raise InputError(f"continuity must be a whole number in [0, {max_degree - 1}], got {continuity!r}")
     poles: dict[int, int] = {}
-    problem: Exception | None = None
-    for degree in range(_LEAST_DEGREE, max_degree + 1):
+    for degree in range(max(_LEAST_DEGREE, (continuity or 0) + 1), max_degree + 1):
         try:
             poles[degree] = _poles(fitted(degree, adapt=False))
-        except ToleranceNotMet as error:
-            problem = error
-    if not poles:
-        assert problem is not None
-        raise problem
+        except ToleranceNotMet:
+            if degree == max_degree and not poles:
+                raise
     return [degree for degree, count in poles.items() if count <= _PROMISING * min(poles.values())]
 
 
@@ -193,16 +211,11 @@ def _poles(splines: Sequence[BSplineCurve]) -> int:
     return sum(len(spline.control_points) for spline in splines)
 
 
-def _check_joints(chain: Composite) -> None:
-    for joint, (report, wanted) in enumerate(zip(chain.report(), chain.orders, strict=True)):
-        if not report.meets(wanted):
-            raise InputError(f"joint {joint} must be {wanted}, it is {report.order} (gap {report.gap:.3g})")
-
-
-def _end_orders(chain: Composite, piece: int, free: int) -> tuple[int, int]:
+def _end_orders(chain: Composite, piece: int, free: tuple[int, int]) -> tuple[int, int]:
+    """Up to which order the derivatives of a piece at its start and end must be exact; `free` at the chain's own."""
     orders = [parsed_order(order)[1] for order in chain.orders]
-    before = orders[piece - 1] if piece > 0 or chain.closed else free
-    after = orders[piece] if piece < len(orders) else free
+    before = orders[piece - 1] if piece > 0 or chain.closed else free[0]
+    after = orders[piece] if piece < len(orders) else free[1]
     return before, after
 
 
@@ -218,7 +231,7 @@ def _arc(chain: Composite, tolerance: float) -> ChainFit | None:
 
 
 def _exact_forms(chain: Composite, tolerance: float) -> ChainFit | None:
-    """An edge for each piece when all have an exact form; one with another parameter is no side of a C join."""
+    """The exact forms of all pieces, when they have one; one with another parameter is no side of a C join."""
     maps = [exact_map(piece.factors) for piece in chain.pieces]
     if any(one is None for one in maps):
         return None
@@ -236,10 +249,7 @@ def _joined(
     chain: Composite, splines: Sequence[BSplineCurve], tolerance: float, maps: Sequence[ParameterMap] | None = None
 ) -> ChainFit:
     """The splines as edges that meet to the last digit, and their proof."""
-    same_degree = len({spline.degree for spline in splines}) == 1
-    runs = runs_of(chain) if same_degree else tuple(range(k, k + 1) for k in range(len(splines)))
-    if any(spline.weights is not None for spline in splines):
-        runs = tuple(range(k, k + 1) for k in range(len(splines)))
+    runs = runs_of(chain)
     edges = _met([_merged_run(chain, splines, run) for run in runs], chain.closed)
     proofs = []
     for edge, run in zip(edges, runs, strict=True):
@@ -259,10 +269,12 @@ def _pairs(proofs: Sequence[Certificate]) -> tuple[tuple[float, float], ...]:
 
 
 def _merged_run(chain: Composite, splines: Sequence[BSplineCurve], run: range) -> BSplineCurve:
-    edge = splines[run[0]]
-    for piece in run[1:]:
-        order = parsed_order(chain.orders[piece - 1])[1]
-        edge = merged(edge, splines[piece], min(order, edge.degree - 1))
+    """One spline of several; only exact forms, which are single spans, come in several degrees."""
+    degree = max(splines[piece].degree for piece in run)
+    edge, *others = (splines[k] if splines[k].degree == degree else elevated(splines[k], degree) for k in run)
+    for piece, following in zip(run, others, strict=False):
+        order = parsed_order(chain.orders[piece])[1]
+        edge = merged(edge, following, min(order, degree - 1))
     return edge
 
 

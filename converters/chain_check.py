@@ -13,10 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from gtcad.composite import Composite
 from gtcad.continuity import Derivable, JoinReport, check_join
-from gtcad.converters.arcs import certify_chain_arc
 from gtcad.converters.bspline import BSplineCurve
 from gtcad.converters.certificate import certify_curve, deciding
-from gtcad.converters.chain import joint_knots, pieces_of, runs_of
+from gtcad.converters.chain import as_curve, joint_knots, parts_of, runs_of
 from gtcad.converters.part import EllipseArc, Part
 from gtcad.converters.verdicts import Row, compared
 from gtcad.errors import InputError
@@ -26,6 +25,8 @@ from gtcad.restricted import RestrictedCurve
 Array = NDArray[np.float64]
 
 _GUESS = np.linspace(0.0, 1.0, 17)
+_NEAR = 0.05  # of the largest piece: when edges are too few or too many, one this near stands for a piece, good or bad
+_APART = 1e100  # what stands for an infinite gap
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ class Joint:
 
 @dataclass(frozen=True)
 class _Held:
-    """An edge with the pieces that it stands for, in the edge's direction."""
+    """An edge with the pieces that it stands for, in the edge's direction; their numbers are in the chain's."""
 
     part: Part
     edge: BSplineCurve | EllipseArc
@@ -63,7 +64,9 @@ class _Held:
     backwards: bool
 
 
-def check_chain(name: str, chain: Composite, parts: Sequence[Part], tolerance: float) -> tuple[list[Row], list[Joint]]:
+def check_chain(
+    name: str, chain: Composite, parts: Sequence[Part], tolerance: float
+) -> tuple[list[Row], list[Joint], list[Part]]:
     """Hold the edges that a file has for a chain against its pieces.
 
     Parameters
@@ -77,95 +80,98 @@ def check_chain(name: str, chain: Composite, parts: Sequence[Part], tolerance: f
         any order and direction.
     tolerance
         In mm.
+
+    Returns
+    -------
+    rows, joints, extra
+        A row for each piece, or one for the chain when the edges do not correspond to its pieces; the joints between
+        pieces that the file has; the edges that stand for no piece.
     """
     names = [f"{name} #{k + 1}" for k in range(len(chain.pieces))]
     if not parts:
-        return [Row(name, "missing")], []
+        return [Row(name, "missing")], [], []
     if not all(part.valid for part in parts):
-        return [Row(name, "invalid", remark="the kernel calls an edge of it invalid")], []
+        return [Row(name, "invalid", remark="the kernel calls an edge of it invalid")], [], []
     held = _held(chain, parts)
-    if held is None:
-        remark = f"the file holds {len(parts)} edges for {len(chain.pieces)} pieces, which do not correspond"
-        return [Row(name, "undecided", remark=remark)], []
+    if not held:
+        remark = f"the file holds {len(parts)} edges for {len(names)} pieces, which do not correspond"
+        return [Row(name, "undecided", remark=remark)], [], []
     rows = {k: row for one in held for k, row in _rows(one, names, tolerance)}
-    ends = [part for one in sorted(held, key=lambda one: one.run.start) for part in _derivables(one)]
-    following = [*ends[1:], ends[0]]
-    joints = [
-        Joint(f"{name} #{k + 1}-#{(k + 1) % len(names) + 1}", wanted, check_join(ends[k], following[k]))
-        for k, wanted in enumerate(chain.orders)
-    ]
-    return [rows[k] for k in range(len(names))], joints
+    ends = {k: curve for one in held for k, curve in zip(one.run, _derivables(one), strict=True)}
+    joints = []
+    for k, wanted in enumerate(chain.orders):
+        following = (k + 1) % len(names)
+        if k in ends and following in ends:
+            joints.append(Joint(f"{name} #{k + 1}-#{following + 1}", wanted, check_join(ends[k], ends[following])))
+    used = {id(one.part) for one in held}
+    extra = [part for part in parts if id(part) not in used]
+    return [rows.get(k, Row(name, "missing")) for k, name in enumerate(names)], joints, extra
 
 
-def _held(chain: Composite, parts: Sequence[Part]) -> list[_Held] | None:
-    """Each run of pieces with the edge that is nearest to it; None when there is no such correspondence."""
+def _held(chain: Composite, parts: Sequence[Part]) -> list[_Held]:
+    """Runs of pieces with the edges that are nearest to them; none when there is no such correspondence."""
     count, size = len(chain.pieces), -(-len(chain.pieces) // len(parts))
     even = tuple(range(k, min(k + size, count)) for k in range(0, count, size))
-    left, result = list(parts), []
-    for run in next((runs for runs in (runs_of(chain), even) if len(runs) == len(parts)), ()):
-        ways = [(_gap(way), k, way) for k, part in enumerate(left) for way in _ways(chain, run, part)]
-        gap, k, best = min(ways, key=lambda way: way[0])
-        if gap == math.inf:
-            return None
-        result.append(best)
-        del left[k]
-    return result or None
+    for runs in (runs_of(chain), even):
+        if len(runs) == len(parts) and len(found := _matched(chain, runs, parts, math.inf)) == len(runs):
+            return found
+    extent = max(float(np.ptp(piece.coefficients, axis=0).max()) for piece in chain.pieces)
+    runs = runs_of(chain)  # too few edges, or too many
+    found = _matched(chain, runs, parts, _NEAR * extent)
+    return found if len(found) == min(len(runs), len(parts)) else []
 
 
-def _ways(chain: Composite, run: range, part: Part) -> Iterator[_Held]:
-    """The edge along the pieces, and against them."""
+def _matched(chain: Composite, runs: Sequence[range], parts: Sequence[Part], farthest: float) -> list[_Held]:
+    """The assignment of edges to runs of the least sum of gaps, those below a limit."""
+    from scipy.optimize import linear_sum_assignment
+
+    best = [[min(_ways(chain, run, part), key=lambda way: way[0]) for part in parts] for run in runs]
+    gaps = np.array([[gap for gap, _ in row] for row in best])
+    pairs = zip(*linear_sum_assignment(np.minimum(gaps, _APART)), strict=True)
+    return [best[run][part][1] for run, part in pairs if gaps[run, part] < farthest]
+
+
+def _ways(chain: Composite, run: range, part: Part) -> Iterator[tuple[float, _Held]]:
+    """The edge along the pieces, and against them, with the gaps."""
     assert isinstance(part.geometry, BSplineCurve | EllipseArc)
-    pieces = tuple(chain.pieces[k] for k in run)
-    yield _Held(part, part.geometry, pieces, run, False)
-    yield _Held(part, part.geometry, tuple(RestrictedCurve(one, (1.0, 0.0)) for one in reversed(pieces)), run, True)
+    along = tuple(chain.pieces[k] for k in run)
+    against = tuple(RestrictedCurve(piece, (1.0, 0.0)) for piece in reversed(along))
+    for pieces in (along, against):
+        held = _Held(part, part.geometry, pieces, run, pieces is against)
+        yield _gap(held), held
 
 
 def _gap(held: _Held) -> float:
     """Distance of points that correspond where pieces meet, and about in between; infinite without knots there."""
     try:
-        parts = pieces_of(held.edge, held.pieces)
+        parts = parts_of(held.edge, held.pieces)
     except InputError:
         return math.inf
-    gaps = [
-        np.abs(piece.evaluate(_GUESS[[0, -1]]) - part.derivative(np.array(part.domain), 0)).max()
-        for piece, part in zip(held.pieces, parts, strict=True)
-    ]
-    middle = [
-        np.linalg.norm(piece.evaluate(_GUESS)[:, None] - _along(part)[None], axis=-1).min(axis=1).max()
-        for piece, part in zip(held.pieces, parts, strict=True)
-    ]
-    return float(max(*gaps, *middle))
-
-
-def _along(part: Derivable) -> Array:
-    return part.derivative(np.linspace(*part.domain, 65), 0)
+    largest = 0.0
+    for piece, part in zip(held.pieces, map(as_curve, parts), strict=True):
+        points, along = piece.evaluate(_GUESS), part.derivative(np.linspace(*part.domain, 65), 0)
+        middle = np.linalg.norm(points[:, None] - along, axis=-1).min(axis=1)
+        ends = np.linalg.norm(points[[0, -1]] - along[[0, -1]], axis=-1)
+        largest = max(largest, float(middle.max()), float(ends.max()))
+    return largest
 
 
 def _rows(held: _Held, names: Sequence[str], tolerance: float) -> Iterator[tuple[int, Row]]:
     """The number and the verdict of each piece."""
     numbers = tuple(reversed(held.run)) if held.backwards else tuple(held.run)
-    if len(numbers) == 1:
-        yield numbers[0], compared(names[numbers[0]], held.pieces[0], held.part, tolerance)
-        return
-    if isinstance(held.edge, EllipseArc):
-        certificates = certify_chain_arc(Composite(held.pieces, ("C0",) * (len(held.pieces) - 1)), held.edge)
-        method = "equal angles"
-    else:
-        windows = pairwise(joint_knots(held.edge, len(numbers)))
-        certificates = tuple(
-            deciding(partial(certify_curve, piece, held.edge, window=window), tolerance)
-            for piece, window in zip(held.pieces, windows, strict=True)
-        )
-        method = "equal parameters"
-    for k, piece, proof, part in zip(
-        numbers, held.pieces, certificates, pieces_of(held.edge, held.pieces), strict=True
-    ):
-        if proof.upper <= tolerance:
-            yield k, Row(names[k], "proved", (proof.lower, proof.upper), method)
-        elif isinstance(part, BSplineCurve):
+    parts = parts_of(held.edge, held.pieces)
+    if len(numbers) == 1 or not isinstance(held.edge, BSplineCurve):
+        for k, piece, part in zip(numbers, held.pieces, parts, strict=True):
             yield k, compared(names[k], piece, replace(held.part, geometry=part), tolerance)
+        return
+    windows = pairwise(joint_knots(held.edge, len(numbers)))
+    for k, piece, part, window in zip(numbers, held.pieces, parts, windows, strict=True):
+        proof = deciding(partial(certify_curve, piece, held.edge, window=window), tolerance)
+        if proof.upper <= tolerance:
+            yield k, Row(names[k], "proved", (proof.lower, proof.upper), "equal parameters")
         else:
-            yield k, Row(names[k], "undecided", (proof.lower, proof.upper), method)
+            row = compared(names[k], piece, replace(held.part, geometry=part), tolerance)
+            yield k, replace(row, verdict="estimated") if row.verdict == "proved" else row  # of a part with rounding
 
 
 @dataclass(frozen=True)
@@ -185,5 +191,5 @@ class _Backwards:
 
 def _derivables(held: _Held) -> list[Derivable]:
     """What the edge holds of each piece, in the direction of the chain."""
-    parts = pieces_of(held.edge, held.pieces)
+    parts = [as_curve(part) for part in parts_of(held.edge, held.pieces)]
     return [_Backwards(part) for part in reversed(parts)] if held.backwards else parts

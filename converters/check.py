@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtcad._entries import ModelShape
 from gtcad.composite import Composite
@@ -15,6 +16,8 @@ from gtcad.converters.part import MEETING, Part, Wire, ends_of
 from gtcad.converters.verdicts import Row, compared, joined
 from gtcad.errors import InputError
 from gtcad.protocol import SeparableSurface, Shape
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -59,18 +62,19 @@ def check_parts(parts: Sequence[Part], shapes: Mapping[str, ModelShape], toleran
     matches = _matched(parts, shapes)
     rows: list[Row] = []
     joints: list[Joint] = []
+    claimed: set[int] = set()
     for name, shape in shapes.items():
         found = matches.get(name, [])
         if isinstance(shape, Composite):
-            pieces, between = check_chain(name, _in_space(shape), found, tolerance)
+            pieces, between, left = check_chain(name, _in_space(shape), found, tolerance)
             joints += between
         else:
-            pieces = [_row(name, shape, found[0] if found else None, tolerance)]
+            pieces, left = [_row(name, shape, found[0] if found else None, tolerance)], []
+        claimed |= {id(part) for part in found} - {id(part) for part in left}
         by_name = all(part.name == name for part in found)
         rows += (
             pieces if by_name else [replace(row, remark=joined("matched by position", row.remark)) for row in pieces]
         )
-    claimed = {id(part) for found in matches.values() for part in found}
     extra = tuple(part.name or f"no. {k + 1}" for k, part in enumerate(parts) if id(part) not in claimed)
     return Report(tuple(rows), extra, tuple(joints))
 
@@ -86,23 +90,28 @@ def _matched(parts: Sequence[Part], shapes: Mapping[str, ModelShape]) -> dict[st
         left = [part for part in parts if id(part) not in claimed and _is_surface(part) == surfaces]
         for name, shape in shapes.items():
             if name not in matches and left and isinstance(shape, SeparableSurface) == surfaces:
-                count = _meeting(left, len(shape.pieces)) if isinstance(shape, Composite) else 1
+                count = _edge_count(left, shape) if isinstance(shape, Composite) else 1
                 matches[name], left = left[:count], left[count:]
     return matches
 
 
-def _meeting(parts: Sequence[Part], most: int) -> int:
-    """How many of the edges, from the first on, are end to end."""
-    count = 1
-    while count < min(most, len(parts)) and _gap(parts[count - 1], parts[count]) <= MEETING:
-        count += 1
-    return count
+def _edge_count(parts: Sequence[Part], chain: Composite) -> int:
+    """How many of the edges, from the first on, may be a chain's: those that meet, up to where the chain ends."""
+    meeting = 1
+    while meeting < min(len(chain.pieces), len(parts)) and _gap(parts[meeting - 1], parts[meeting]) <= MEETING:
+        meeting += 1
+    end = _in_space(chain).evaluate(chain.domain[1])
+    gaps = [np.linalg.norm(_ends(part)[1] - end) for part in parts[:meeting]]
+    return 1 + int(np.round(gaps, 6).argmin())
 
 
 def _gap(a: Part, b: Part) -> float:
-    assert not isinstance(a.geometry, BSplineSurface | Wire)
-    assert not isinstance(b.geometry, BSplineSurface | Wire)
-    return float(np.linalg.norm(ends_of(a.geometry)[1] - ends_of(b.geometry)[0]))
+    return float(np.linalg.norm(_ends(a)[1] - _ends(b)[0]))
+
+
+def _ends(part: Part) -> Array:
+    assert not isinstance(part.geometry, BSplineSurface | Wire)
+    return ends_of(part.geometry)
 
 
 def _is_surface(part: Part) -> bool:

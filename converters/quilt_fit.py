@@ -135,7 +135,8 @@ def fit_quilt(
             failed = [k for k, one in enumerate(certificates) if one.upper > tolerance]
             if not failed:
                 return QuiltFit(quilt, splines, tuple((one.lower, one.upper) for one in certificates))
-        if not all([strip.grow() for strip in {layout.worse_of(k) for k in failed}]):
+        grown = [strip.grow() for strip in {layout.worse_of(k) for k in failed}]
+        if not all(grown):
             raise layout.failure(tolerance, max_spans)
 
 
@@ -195,10 +196,13 @@ class _Strip:
         self, quilt: Quilt, members: dict[_Direction, bool], side: Callable[..., Side], goal: float, adapt: bool
     ) -> None:
         self.members, self.adapt = members, adapt
-        turned = {key: _factors(quilt, key, backwards) for key, backwards in members.items()}
-        parts = {one.key: one for one in turned.values()}
+        own = {key: _parts(_factors(quilt, key, backwards)) for key, backwards in members.items()}
+        parts = {one.key: one for several in own.values() for one in several}
         ends = dict(zip(parts, itertools.accumulate(one.count for one in parts.values()), strict=True))
-        self.columns = {key: slice(ends[one.key] - one.count, ends[one.key]) for key, one in turned.items()}
+        self.columns = {
+            key: np.concatenate([np.arange(ends[one.key] - one.count, ends[one.key]) for one in several])
+            for key, several in own.items()
+        }
         factors = next(iter(parts.values())) if len(parts) == 1 else Stacked(tuple(parts.values()))
         self.vectors = {key: _vectors(quilt.patches[key[0]], key[1]) for key in members}
         bundle = Bundle(factors, self._side_by_side(factors.count))
@@ -217,7 +221,7 @@ class _Strip:
         blocks = []
         for key, own in self.vectors.items():
             block = np.zeros((count, *own.shape[1:]))
-            block[self.columns[key]] = own
+            np.add.at(block, self.columns[key], own)
             blocks.append(block)
         return np.concatenate(blocks, axis=1)
 
@@ -232,10 +236,10 @@ class _Strip:
                 return True
         return False
 
-    def error(self, key: _Direction) -> float:
-        """Largest error of one member on the samples."""
+    def errors(self, key: _Direction) -> Array:
+        """Largest error of one member on each sample."""
         values = np.tensordot(self.chosen.residual[:, self.columns[key]], self.vectors[key], 1)
-        return float(np.linalg.norm(values, axis=-1).max())
+        return np.asarray(np.linalg.norm(values, axis=-1).max(axis=1))
 
     def samples(self, key: _Direction) -> tuple[Array, Array]:
         """Factors of the member and their errors, on samples of the strip: shape (samples, count)."""
@@ -259,6 +263,15 @@ def _factors(quilt: Quilt, key: _Direction, backwards: bool) -> Factors:
     patch = quilt.patches[key[0]]
     own = patch.factors_u if key[1] == "u" else patch.factors_v
     return RestrictedFactors(own, 1.0, 0.0) if backwards else own
+
+
+def _parts(factors: Factors) -> list[Factors]:
+    """The factors one by one that they are a stack of, in order."""
+    if isinstance(factors, Stacked):
+        return [one for part in factors.parts for one in _parts(part)]
+    if isinstance(factors, RestrictedFactors):
+        return [RestrictedFactors(one, factors.start, factors.end) for one in _parts(factors.base)]
+    return [factors]
 
 
 def _vectors(patch: SeparableSurface, along: str) -> Array:
@@ -294,14 +307,11 @@ def _polynomial(parts: Iterable[Factors]) -> Array | None:
 
 def _elevation(lower: int, degree: int) -> Array:
     """Matrix from the control points of a Bezier curve to those of a higher degree."""
-    rows = [
-        [
-            math.comb(lower, j) * math.comb(degree - lower, i - j) / math.comb(degree, i) if i >= j else 0.0
-            for j in range(lower + 1)
-        ]
-        for i in range(degree + 1)
-    ]
-    return np.array(rows)
+    matrix = np.zeros((degree + 1, lower + 1))
+    for i, j in itertools.product(range(degree + 1), range(lower + 1)):
+        if i >= j:
+            matrix[i, j] = math.comb(lower, j) * math.comb(degree - lower, i - j) / math.comb(degree, i)
+    return matrix
 
 
 class _Layout:
@@ -320,8 +330,8 @@ class _Layout:
     def _estimate(self, patch: int, tolerance: float) -> float:
         """Largest error where one direction is worst; where the errors of both add up to less than asked, their sum."""
         (u, key_u), (v, key_v) = self.pairs[patch]
-        total = u.error(key_u) + v.error(key_v)
-        if total <= tolerance:
+        errors_u, errors_v = u.errors(key_u), v.errors(key_v)
+        if (total := float(errors_u.max() + errors_v.max())) <= tolerance:
             return total
         net = self.quilt.patches[patch].coefficients.transpose(2, 0, 1)
         (f, f_rest), (g, g_rest) = u.samples(key_u), v.samples(key_v)
@@ -333,13 +343,13 @@ class _Layout:
             return math.sqrt(float(np.einsum("dij,dij->ij", values, values).max()))
 
         return max(
-            difference(np.argsort(-u.chosen.errors)[:_WORST], slice(None)),
-            difference(slice(None), np.argsort(-v.chosen.errors)[:_WORST]),
+            difference(np.argsort(-errors_u)[:_WORST], slice(None)),
+            difference(slice(None), np.argsort(-errors_v)[:_WORST]),
         )
 
     def worse_of(self, patch: int) -> _Strip:
         """The strip that has the larger part in the error of the patch, and room to grow."""
-        u, v = sorted(self.pairs[patch], key=lambda pair: pair[0].error(pair[1]))
+        u, v = sorted(self.pairs[patch], key=lambda pair: float(pair[0].errors(pair[1]).max()))
         return v[0] if v[0].chosen.knots.poles < v[0].most else u[0]
 
     def splines(self) -> tuple[BSplineSurface, ...]:

@@ -11,6 +11,8 @@ L. Ramshaw, Blossoms are polar forms, Comput. Aided Geom. Design 6 (1989) 323-35
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,12 +30,13 @@ def merged(before: BSplineCurve, after: BSplineCurve, order: int) -> BSplineCurv
     before, after
         Of one degree p and dimension, not rational; the derivatives 0..order by the parameter agree where they meet.
     order
-        1 to p - 1; the common knot gets the multiplicity p - order.
+        0 to p - 1; the common knot gets the multiplicity p - order.
 
     Returns
     -------
     BSplineCurve
-        All poles but the order - 1 at the joint are poles of the two, bit for bit.
+        All poles but the order - 1 at the joint are poles of the two, bit for bit: as many as both have, less
+        order + 1.
 
     Raises
     ------
@@ -48,21 +51,45 @@ def merged(before: BSplineCurve, after: BSplineCurve, order: int) -> BSplineCurv
             f"both splines must have one degree and dimension, got degrees {degree} and {after.degree}, "
             f"dimensions {before.dimension} and {after.dimension}"
         )
-    if not 1 <= order < degree:
-        raise InputError(f"order must lie in [1, {degree - 1}] for degree {degree}, got {order}")
+    if not 0 <= order < degree:
+        raise InputError(f"order must lie in [0, {degree - 1}] for degree {degree}, got {order}")
     joint = before.knots[-1]
     knots = np.concatenate([before.knots, joint + (after.knots[1:] - after.knots[0])])
     counts = (*before.multiplicities[:-1], degree - order, *after.multiplicities[1:])
     flat = np.repeat(knots, counts)
     first = len(before.control_points) - order  # the first pole that is not one of the spline before
     mixed = [_blossom(before, flat[i + 1 : i + degree + 1], -1) for i in range(first, first + order - 1)]
-    kept = before.control_points[:first], after.control_points[order:]
-    middle = np.reshape(mixed, (-1, before.dimension))
-    return BSplineCurve(np.concatenate([kept[0], middle, kept[1]]), knots, counts, degree)
+    kept = before.control_points[:first], after.control_points[max(order, 1) :]
+    return BSplineCurve(np.vstack([kept[0], *mixed, kept[1]]), knots, counts, degree)
+
+
+def elevated(spline: BSplineCurve, degree: int) -> BSplineCurve:
+    """A single polynomial span as one of a higher degree.
+
+    Raises
+    ------
+    InputError
+        When the spline is rational, has more than one span, or a degree above the wanted one.
+    """
+    if spline.weights is not None or len(spline.knots) > 2 or degree < spline.degree:
+        raise InputError(f"a polynomial span of degree {degree} or less is needed, got {spline}")
+    points = spline.control_points
+    for raised in range(spline.degree + 1, degree + 1):
+        share = (np.arange(raised + 1) / raised)[:, None]
+        points = share * np.vstack([points[:1], points]) + (1 - share) * np.vstack([points, points[-1:]])
+    return BSplineCurve(points, spline.knots, [degree + 1] * 2, degree)
 
 
 def extracted(spline: BSplineCurve, first: int, last: int) -> BSplineCurve:
-    """The part of a spline between two of its knots, given by their index, on its own parameters."""
+    """The part of a spline between two of its knots, given by their index, on its own parameters.
+
+    All poles but those at its ends are poles of the spline, those of rational ones up to rounding.
+
+    Raises
+    ------
+    InputError
+        When there are no such knots.
+    """
     if not 0 <= first < last < len(spline.knots):
         raise InputError(f"first < last must be indices of {len(spline.knots)} knots, got {first} and {last}")
     if (first, last) == (0, len(spline.knots) - 1):
@@ -71,30 +98,30 @@ def extracted(spline: BSplineCurve, first: int, last: int) -> BSplineCurve:
     knots = spline.knots[first : last + 1]
     counts = (degree + 1, *spline.multiplicities[first + 1 : last], degree + 1)
     flat = np.repeat(knots, counts)
-    poles = [
-        _blossom(
-            spline, flat[i + 1 : i + degree + 1], first + int(np.searchsorted(knots, _middle(flat, i, degree))) - 1
-        )
-        for i in range(len(flat) - degree - 1)
-    ]
-    points = np.array(poles)
+    shift = sum(spline.multiplicities[: first + 1]) - degree - 1
+    poles = spline.homogeneous[shift : shift + len(flat) - degree - 1].copy()
+    known = spline.flat_knots[shift : shift + len(flat)]
+    for i in range(len(poles)):
+        arguments = slice(i + 1, i + degree + 1)
+        if not np.array_equal(flat[arguments], known[arguments]):
+            poles[i] = _blossom(spline, flat[arguments], first + _span(knots, flat, i, degree))
     if spline.weights is None:
-        return BSplineCurve(points, knots, counts, degree)
-    return BSplineCurve(points[:, :-1] / points[:, -1:], knots, counts, degree, points[:, -1])
+        return BSplineCurve(poles, knots, counts, degree)
+    return BSplineCurve(poles[:, :-1] / poles[:, -1:], knots, counts, degree, poles[:, -1])
 
 
-def _middle(flat: Array, index: int, degree: int) -> float:
-    """The middle of a span in the support of a pole's function: the one nearest to its own knots."""
+def _span(knots: Array, flat: Array, index: int, degree: int) -> int:
+    """The span in the support of a pole's function that is nearest to the mean of the pole's knots."""
     own = float(flat[index + 1 : index + degree + 1].mean())
-    spans = [(a + b) / 2 for a, b in zip(flat[index:-1], flat[index + 1 : index + degree + 2], strict=False) if a < b]
-    return float(min(spans, key=lambda middle: abs(middle - own)))
+    support = flat[index : index + degree + 2]
+    middles = [(a + b) / 2 for a, b in pairwise(support.tolist()) if a < b]
+    return int(np.searchsorted(knots, min(middles, key=lambda middle: abs(middle - own)))) - 1
 
 
 def _blossom(spline: BSplineCurve, arguments: Array, span: int) -> Array:
-    """The blossom of one span's polynomial, by de Boor's algorithm with an argument of its own at each step."""
+    """The blossom of one span, -1 the last, by de Boor's algorithm with an argument of its own at each step."""
     degree, flat = spline.degree, spline.flat_knots
-    breaks = range(len(spline.knots) - 1)
-    last = int(np.cumsum(spline.multiplicities)[breaks[span]]) - 1  # flat index of the span's left knot
+    last = int(np.cumsum(spline.multiplicities[:-1])[span]) - 1  # flat index of the span's left knot
     points = spline.homogeneous[last - degree : last + 1].copy()
     for level, argument in enumerate(arguments, start=1):
         for j in range(degree, level - 1, -1):

@@ -321,3 +321,27 @@ def _placement_problems(value: Any) -> Iterator[Problem]:
             problem = _number_problem(entry)
             if problem is not None:
                 yield (row, column), problem
+
+
+def order(value: Any, info: ValidationInfo) -> Any:
+    """Refuse what is not an order of continuity."""
+    if isinstance(value, list):
+        refuse([((), f"must be one of C0 to C3 and G0 to G3, got {shown(value)}")])
+    return _checked(value, _order_problems(value))
+
+
+def side(value: Any, info: ValidationInfo) -> Any:
+    """Refuse what does not name a side of a patch."""
+    if not (isinstance(value, str) and re.fullmatch(r".+\.[uv][01]", value)):
+        refuse([((), f"must be a patch and a side, such as 'roof.u1' (u0, u1, v0 or v1), got {shown(value)}")])
+    return value
+
+
+def not_negative(value: Any, info: ValidationInfo) -> Any:
+    """Refuse what is not a number from 0."""
+    problem = _number_problem(value)
+    if problem is None and value < 0:
+        problem = f"must not be negative, got {shown(value)}"
+    if problem is not None:
+        refuse([((), problem)])
+    return value

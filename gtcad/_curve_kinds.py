@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from gtcad import _checks as checks
 from gtcad import conics
-from gtcad._documents import Location
+from gtcad._documents import Location, shown
 from gtcad._entries import (
     INLINE,
     NAMED,
@@ -27,11 +27,14 @@ from gtcad._entries import (
     inline_or_named,
 )
 from gtcad.basis import FAMILIES
-from gtcad.composite import Composite
+from gtcad.composite import Composite, checked_places
+from gtcad.continuity import Thresholds
 from gtcad.curve import Curve
 from gtcad.errors import InputError
 from gtcad.protocol import SeparableCurve
 from gtcad.restricted import Restricted, RestrictedCurve
+
+_MET = Thresholds(gap=1e-10)  # in the model's unit: below 1e-7 mm in every unit
 
 
 class CurveFields(Strict):
@@ -98,14 +101,23 @@ class CompositeEntry(ShapeEntry):
         for index, entry in enumerate(self.pieces):
             piece = shapes[entry] if isinstance(entry, str) else entry.curve()
             if not isinstance(piece, SeparableCurve):
-                raise InputError(f"pieces[{index}]: {entry!r} is no single curve")
+                kind = "a chain" if isinstance(piece, Composite) else "a surface"
+                raise InputError(f"pieces[{index}] must be a curve, {shown(entry)} is {kind}")
             pieces.append(piece)
         joints = len(pieces) - (0 if self.closed else 1)
         orders = [self.orders] * joints if isinstance(self.orders, str) else self.orders
         drawn = Composite(tuple(pieces), tuple(orders), self.closed)
-        if not unmet_joint(drawn):
+        fixed = checked_places(pieces, self.fixed)
+        problem = drawn.unmet(thresholds=_MET)
+        if not problem:
             return drawn
-        return Composite.solved(drawn.pieces, orders, closed=self.closed, fixed=self.fixed)  # type: ignore[arg-type]
+        curves = [piece for piece in pieces if isinstance(piece, Curve)]
+        if len(curves) < len(pieces):
+            raise InputError(f"{problem}; only pieces without a range have control points that can be moved")
+        chain = Composite.solved(curves, orders, closed=self.closed, fixed=fixed)
+        if problem := chain.unmet(thresholds=_MET):
+            raise InputError(f"{problem}, and moving control points as little as possible does not change that")
+        return chain
 
 
 class ParabolaEntry(ShapeEntry):
@@ -210,15 +222,6 @@ def chain_data(chain: Composite) -> tuple[str, dict[str, Any]] | None:
     pieces = [curve_data(piece) for piece in chain.pieces]
     if any(piece is None for piece in pieces):
         return None
-    if problem := unmet_joint(chain):
+    if problem := chain.unmet(thresholds=_MET):
         raise InputError(f"{problem}: solve the chain first, with Composite.solved")
     return "composite", {"orders": list(chain.orders), **({"closed": True} if chain.closed else {}), "pieces": pieces}
-
-
-def unmet_joint(chain: Composite) -> str:
-    """What is wrong with the first joint that does not meet its order; empty when all do."""
-    for joint, (report, wanted) in enumerate(zip(chain.report(), chain.orders, strict=True)):
-        if not report.meets(wanted):
-            found = report.order if report.order != "none" else f"a gap of {report.gap:.3g}"
-            return f"joint {joint} must be {wanted}, it is {found}"
-    return ""

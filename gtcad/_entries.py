@@ -13,8 +13,10 @@ from gtcad._documents import Location
 from gtcad.basis import FAMILIES, Family
 from gtcad.composite import Composite
 from gtcad.protocol import Shape
+from gtcad.quilt import Quilt
+from gtcad.solid import Solid
 
-ModelShape = Shape | Composite
+ModelShape = Shape | Composite | Quilt | Solid
 Shapes = Mapping[str, ModelShape]
 
 FamilyName = Annotated[Literal["GT", "bernstein"], BeforeValidator(checks.one_of(*FAMILIES))]
@@ -32,7 +34,9 @@ Row = Annotated[list[SurfacePoint], Field(min_length=2, max_length=61)]
 PointField = Annotated[CurvePoint, BeforeValidator(checks.point(2, 3))]
 Yes = Annotated[bool, BeforeValidator(checks.yes_or_no)]
 
-INLINE, NAMED = "@inline", "@named"  # tags of what is spelled out, and of what is the name of another shape
+TAG = "@"
+INLINE, NAMED = f"{TAG}inline ", f"{TAG}named"
+"""Tags of what is spelled out, and of what is the name of another shape; no field begins like them."""
 
 
 class Strict(BaseModel):

@@ -34,11 +34,14 @@ from gtcad._patch_kinds import (
     SwungEntry,
     patch_data,
 )
+from gtcad._quilt_kinds import QuiltEntry, SolidEntry, quilt_data, solid_data
 from gtcad._surface_kinds import SurfaceEntry, surface_data
 from gtcad.composite import Composite
 from gtcad.errors import InputError
 from gtcad.protocol import SeparableCurve
+from gtcad.quilt import Quilt
 from gtcad.restricted import RestrictedCurve, RestrictedSurface
+from gtcad.solid import Solid
 
 VERSION = 1
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4, "ft": 304.8}
@@ -58,7 +61,9 @@ Entry = Annotated[
     | SwungEntry
     | RotationEntry
     | LoftedEntry
-    | CoonsEntry,
+    | CoonsEntry
+    | QuiltEntry
+    | SolidEntry,
     Field(discriminator="kind"),
 ]
 ENTRIES: dict[str, type[ShapeEntry]] = {
@@ -70,6 +75,8 @@ ENTRIES: dict[str, type[ShapeEntry]] = {
     "parabola": ParabolaEntry,
     "surface": SurfaceEntry,
     **PATCH_ENTRIES,
+    "quilt": QuiltEntry,
+    "solid": SolidEntry,
 }
 
 
@@ -106,20 +113,18 @@ def entry_of(name: str, shape: ModelShape, color: str | None, *, construction: b
 
 
 def _fields(shape: ModelShape) -> tuple[str, dict[str, Any]]:
-    fields: dict[str, Any] | None
-    if isinstance(shape, Composite):
+    found: tuple[str, dict[str, Any] | None] | None
+    if isinstance(shape, Solid):
+        found = "solid", solid_data(shape)
+    elif isinstance(shape, Quilt):
+        found = "quilt", quilt_data(shape)
+    elif isinstance(shape, Composite):
         found = chain_data(shape)
-        if found is not None:
-            return found
-        raise InputError("a model file cannot hold a chain with such pieces")
-    if isinstance(shape, SeparableCurve):
-        kind, fields = "curve", curve_data(shape)
+    elif isinstance(shape, SeparableCurve):
+        found = "curve", curve_data(shape)
     else:
-        found = patch_data(shape)
-        if found is not None:
-            return found
-        kind, fields = "surface", surface_data(shape)
-    if fields is None:
+        found = patch_data(shape) or ("surface", surface_data(shape))
+    if found is None or found[1] is None:
         whole = shape.shape if isinstance(shape, RestrictedCurve | RestrictedSurface) else shape
         raise InputError(f"a model file cannot hold {type(shape).__name__} of {type(whole).__name__}")
-    return kind, fields
+    return found[0], found[1]

@@ -85,10 +85,12 @@ class Composite:
         for index, piece in enumerate(self.pieces):
             if not isinstance(piece, SeparableCurve):
                 raise InputError(f"pieces[{index}] must be a single curve, got {type(piece).__name__}")
+        if not self.pieces:
+            raise InputError("a chain needs at least one piece")
         wanted = len(self.pieces) - (0 if self.closed else 1)
-        if not self.pieces or len(self.orders) != wanted:
-            kind = "closed" if self.closed else "open"
-            raise InputError(f"a {kind} chain of {len(self.pieces)} pieces has {wanted} joints, got {len(self.orders)}")
+        if len(self.orders) != wanted:
+            kind = "a closed" if self.closed else "an open"
+            raise InputError(f"{kind} chain of {len(self.pieces)} pieces has {wanted} joints, got {len(self.orders)}")
         if len({piece.dimension for piece in self.pieces}) != 1:
             raise InputError(f"all pieces must have one dimension, got {[p.dimension for p in self.pieces]}")
         for order in self.orders:
@@ -288,8 +290,12 @@ def _checked_scales(orders: Sequence[str], scales: Sequence[Scale | None] | None
     for joint, (scale, order) in enumerate(zip(scales, orders, strict=True)):
         if scale is None:
             continue
-        if not (len(scale) == 3 and all(map(math.isfinite, scale)) and scale[0] > 0):
-            raise InputError(f"scales[{joint}] must be three finite numbers (eta, psi, omega), eta > 0, got {scale}")
+        try:
+            fine = np.shape(scale) == (3,) and bool(np.isfinite(scale).all()) and scale[0] > 0
+        except (TypeError, ValueError):
+            fine = False
+        if not fine:
+            raise InputError(f"scales[{joint}] must be three finite numbers (eta, psi, omega), eta > 0, got {scale!r}")
         if order[0] == "C" and tuple(scale) != PARAMETRIC:
             raise InputError(f"scales[{joint}] is for G joins; a {order} join has (1, 0, 0), got {tuple(scale)}")
     return list(scales)

@@ -36,7 +36,7 @@ from pydantic import ValidationError
 
 from gtcad import _checks as checks
 from gtcad._documents import Location, Problem, document_text, model_suffix, read_document, shown
-from gtcad._entries import INLINE, NAMED, ModelShape, ShapeEntry
+from gtcad._entries import TAG, ModelShape, ShapeEntry
 from gtcad._files import written_whole
 from gtcad._kinds import ENTRIES, MILLIMETRES, VERSION, ModelFile, entry_of
 from gtcad.errors import InputError, ModelError, SingularJoin
@@ -268,7 +268,7 @@ def _translated(data: Mapping[str, Any], error: ValidationError) -> list[Problem
         location = tuple(found["loc"])
         if location[:1] == ("shape",) and location[2:3] and location[2] in ENTRIES:
             location = (*location[:2], *location[3:])  # pydantic names the kind there
-        location = tuple(part for part in location if part not in (INLINE, NAMED))
+        location = tuple(part for part in location if not str(part).startswith(TAG))
         problems.append(_in_our_words(data, location, found))
     return problems
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.polynomial import chebyshev as series_of
 from numpy.typing import NDArray
 
 from gtcad.chebyshev import UNIT_ROUNDOFF, lebesgue, maximum, nodes, transform
@@ -22,9 +21,11 @@ from gtcad.protocol import Factors, SeparableCurve
 
 Array = NDArray[np.float64]
 
-MAX_COUNT = 193  # coefficients of a polynomial: no bound of its derivatives overflows
-_RESOLVED = 64 * UNIT_ROUNDOFF  # of the largest value: coefficients that are rounding
-_STEPS = (17, 33, 65, 97, 129, MAX_COUNT)
+MAX_COUNT = 191  # coefficients of a polynomial: as many as a certificate can take
+_ROUNDING = 16 * UNIT_ROUNDOFF  # of the largest coefficient: coefficients as small are rounding
+_PLATEAU = 1e-11  # of the largest: coefficients as small are rounding where they decrease no more
+_STEPS = (17, 33, 65, 129, 193)
+_OVERFLOWS = 709.0  # the exponential of more is no float
 _NODES = 32  # values on a span
 _NODE_ROUNDING = 1 + 1e-7  # nodes are rounded by a unit or two: by Markov's inequality less than that
 
@@ -36,13 +37,13 @@ class Polynomials:
     Parameters
     ----------
     coefficients
-        a, finite, shape (count, degree + 1), the degree at most 192.
+        a, finite, shape (count, degree + 1), the degree at most 190.
 
     Examples
     --------
     T_2(2 t - 1) = 8 t^2 - 8 t + 1:
 
-    >>> Polynomials(np.array([[0.0, 0.0, 1.0]])).rows(np.array([0.0, 0.25, 0.5])).tolist()
+    >>> Polynomials(np.array([[0.0, 0.0, 1.0]])).rows(np.array([0.0, 0.25, 0.5])).round(12).tolist()
     [[1.0, -0.5, -1.0]]
     """
 
@@ -61,9 +62,9 @@ class Polynomials:
     @property
     def degree(self) -> int:
         """The largest degree."""
-        return self.coefficients.shape[1] - 1
+        return int(self.coefficients.shape[1]) - 1
 
-    @cached_property
+    @property
     def key(self) -> Hashable:
         """Equal for equal functions."""
         return ("polynomials", self.coefficients.shape, self.coefficients.tobytes())
@@ -72,37 +73,48 @@ class Polynomials:
         """Derivatives of the order at flat parameters, shape (count, t.size)."""
         if order > self.degree:
             return np.zeros((self.count, t.size))
-        series = self.coefficients
+        series: Array = self.coefficients
         for _ in range(order):
             series = series @ _derivation(series.shape[1])
-        return np.asarray(series @ series_of.chebvander(2 * t - 1, series.shape[1] - 1).T)
+        return np.asarray(series @ _values(t, series.shape[1]))
 
     def derivative_bound(self, order: int) -> float:
-        """Bound of the sum of the absolute values of the derivatives: of their Chebyshev coefficients."""
-        return float(self._bounds[0, order]) if order <= self.degree else 0.0
+        """Bound of the sum of the absolute values of the derivatives: of their Chebyshev coefficients; maybe inf."""
+        return self._unscaled(0, order)
 
     def rounding_of(self, order: int) -> float:
         """Bound of the rounding errors of ``rows`` of the order."""
-        return float(self._bounds[1, order]) if order <= self.degree else 0.0
+        return self._unscaled(1, order)
 
     @property
     def rounding(self) -> float:
         """Bound of the rounding errors."""
         return self.rounding_of(0)
 
+    @property
+    def taylor(self) -> Array:
+        """Bounds of the sums of ``|P_i^(k)| / (2^k k!)``, shape (degree + 1,)."""
+        return np.asarray(self._bounds[0])
+
+    def _unscaled(self, row: int, order: int) -> float:
+        if order > self.degree or self._bounds[row, order] == 0:
+            return 0.0
+        power = math.log(self._bounds[row, order]) + order * math.log(2) + math.lgamma(order + 1)
+        return math.exp(power) * (1 + 1e-12) if power < _OVERFLOWS else math.inf
+
     @cached_property
     def _bounds(self) -> Array:
-        """Bounds of each order, and of their roundings, shape (2, degree + 1)."""
+        """Bounds of each order k over 2^k k!, which do not overflow, and of their roundings, shape (2, degree + 1)."""
         series, size = self.coefficients, np.abs(self.coefficients)
         found = []
         for order in range(self.degree + 1):
             count = series.shape[1]
             # a product of non-negative matrices bounds what each derivation adds: `size` is at |series| or above it
-            lost = 2 * order * (self.degree + 4) * UNIT_ROUNDOFF * float(size.sum())
-            # T_j is 3/2 j^2 units off by its recurrence, j^2 by the rounding of its argument; then `count` products
-            units = 3.0 * np.arange(count) ** 2 + count + 2
+            lost = order * (self.degree / 2 + 4) * UNIT_ROUNDOFF * float(size.sum())
+            units = 8.0 * np.arange(count) + count + 4  # of T_j, and of the products with it and their sum
             found.append((float(np.abs(series).sum()) + lost, UNIT_ROUNDOFF * float((size @ units).sum()) + lost))
-            series, size = series @ _derivation(count), size @ _derivation(count)
+            step = _derivation(count) / (2 * (order + 1))
+            series, size = series @ step, size @ step
         return np.array(found).T * (1 + 1e-12)
 
     def __eq__(self, other: object) -> bool:
@@ -110,6 +122,18 @@ class Polynomials:
 
     def __hash__(self) -> int:
         return hash(self.key)
+
+
+def _values(t: Array, count: int) -> Array:
+    """T_j(2 t - 1) for j < count, shape (count, t.size), each at most 8 j + 2 units off.
+
+    The angle is taken from the nearer end, where it is small: 5 units of it, at most pi/2, for root, arcsine, product.
+    """
+    near = t <= 0.5
+    angle = 2 * np.arcsin(np.sqrt(np.clip(np.where(near, t, 1 - t), 0.0, 0.5)))
+    values = np.cos(np.arange(count)[:, None] * angle)
+    values[1::2, near] *= -1
+    return np.asarray(values)
 
 
 @lru_cache(maxsize=512)
@@ -126,29 +150,29 @@ def _derivation(count: int) -> Array:
     return matrix
 
 
-def chopped(series: Array, noise: float = _RESOLVED) -> Array:
-    """Chebyshev series, shape (count, K), without the last coefficients that are at most noise of the largest."""
-    sizes = np.linalg.norm(series, axis=0)
-    kept = np.flatnonzero(sizes > noise / 4 * sizes.max())
-    return series[:, : max(int(kept[-1]), 0) + 1] if kept.size else series[:, :1]
-
-
-def resolved(series_with: Callable[[int], Array], noise: float = _RESOLVED) -> Array | None:
-    """The first of ever longer series whose last quarter is noise, without it; None when there is none.
+def resolved(series_with: Callable[[int], Array]) -> tuple[Array, Array] | None:
+    """The first of ever longer series of which the last quarter is rounding: whole, and without that; None if none is.
 
     Parameters
     ----------
     series_with
         From a number of values to Chebyshev coefficients, shape (count, K).
-    noise
-        Relative to the largest coefficient.
     """
     for step in _STEPS:
         series = series_with(step)
         sizes = np.linalg.norm(series, axis=0)
-        if sizes[-(step // 4) :].max() <= noise * sizes.max():
-            return chopped(series, noise)
+        eighth = step // 8
+        before, last = float(sizes[-2 * eighth : -eighth].max()), float(sizes[-eighth:].max())
+        level = max(before, last)
+        if level <= _ROUNDING * sizes.max() or level <= min(4 * last, _PLATEAU * sizes.max()):
+            return series, chopped(series, 2 * level)
     return None
+
+
+def chopped(series: Array, level: float) -> Array:
+    """Chebyshev series, shape (count, K), without the last coefficients that are at most the level."""
+    kept = np.flatnonzero(np.linalg.norm(series, axis=0) > level)
+    return series[:, : int(kept[-1]) + 1] if kept.size else series[:, :1]
 
 
 def derivative_rounding(factors: Factors, order: int) -> float:
@@ -197,7 +221,7 @@ class Spanned:
         steps = np.cumprod([1.0] + [0.5 / spans / k for k in range(1, _NODES + 1)])
         off = error + (factors.count + 2) * UNIT_ROUNDOFF * size
         rounding = derivative_rounding(factors, order) * size + off * float(bounds[0])
-        return cls(values, bounds * steps * size * (1 + 1e-12), np.full((spans, _NODES), rounding))
+        return cls(values, bounds * steps * (size + error) * (1 + 1e-12), np.full((spans, _NODES), rounding))
 
     @property
     def sizes(self) -> Array:
@@ -221,6 +245,13 @@ class Spanned:
         rounding = self.rounding + other.rounding + UNIT_ROUNDOFF * np.linalg.norm(values, axis=2)
         return Spanned(values, self.taylor + other.taylor, rounding)
 
+    def plus(self, number: float) -> Spanned:
+        """The sum with one number in every component."""
+        taylor = self.taylor.copy()
+        taylor[0] += abs(number) * math.sqrt(self.values.shape[-1])
+        values = self.values + number
+        return Spanned(values, taylor, self.rounding + UNIT_ROUNDOFF * np.linalg.norm(values, axis=2))
+
     def _product(self, other: Spanned, values: Array) -> Spanned:
         a, b = self.sizes, other.sizes
         rounding = self.rounding * (b + other.rounding) + other.rounding * a + 8 * UNIT_ROUNDOFF * a * b
@@ -234,18 +265,16 @@ class Spanned:
 
     @property
     def slack(self) -> Array:
-        """Bounds of the distance from the interpolant through the computed values, shape (spans,)."""
-        return np.asarray(self.tail + lebesgue(_NODES) * (self.rounding.max(axis=1) + 4 * UNIT_ROUNDOFF * self._peaks))
-
-    @property
-    def _peaks(self) -> Array:
-        return np.asarray(self.sizes.max(axis=1))
+        """Bounds of the distance from the computed interpolant, shape (spans,)."""
+        computing = 2 * _NODES * (_NODES + 2) * UNIT_ROUNDOFF  # sums of 32 products for each of 32 coefficients
+        off = lebesgue(_NODES) * self.rounding.max(axis=1) + computing * self.sizes.max(axis=1)
+        return np.asarray(self.tail + off)
 
     def least(self) -> Array:
         """Lower bounds of numbers on each span, at least 0, shape (spans,)."""
         series = self.values[..., 0] @ transform(_NODES).T
         spread = np.abs(series[:, 1:]).sum(axis=1)
-        return np.maximum(series[:, 0] - spread * _NODE_ROUNDING - self.slack, 0.0)
+        return np.asarray(np.maximum(series[:, 0] - spread * _NODE_ROUNDING - self.slack, 0.0))
 
     def largest(self, divisor: Array | float = 1.0) -> float:
         """Upper bound of the norm over the divisor, which may be another one on each span, shape (spans,)."""

@@ -177,6 +177,19 @@ class Quilt:
         found = _matched(known)
         return cls(surfaces, labels, known.edges + _with_orders(known, found, order))
 
+    @property
+    def dimension(self) -> int:
+        """Space dimension d."""
+        return self.patches[0].dimension
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Quilt):
+            return NotImplemented
+        return (self.patches, self.names, self.edges) == (other.patches, other.names, other.edges)
+
+    def __hash__(self) -> int:
+        return hash((self.patches, self.names, self.edges))
+
     def label(self, use: Use) -> str:
         """The side by the name of its patch: "patch 1.u0"."""
         return f"{self.names[use.patch]}.{use.side}"

@@ -24,10 +24,14 @@ COLUMNS = "{:<18}{:>6}{:>7}{:>7}{:>21}{:>9}  {}"
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one model: the shapes as exported, the verdicts on what the file holds, and the seconds spent."""
+    """What became of one model: the shapes as exported, the verdicts on what the file holds, and the seconds spent.
+
+    A chain has a verdict for each piece and for each joint.
+    """
 
     shapes: list[dict[str, Any]]
     verdicts: list[dict[str, Any]]
+    joints: list[dict[str, Any]]
     failed: bool
     seconds: float
 
@@ -50,17 +54,26 @@ def run(model: Path, file: Path) -> Outcome:
     checked: dict[str, Any] = {}
     if code == 0:
         code, checked = gtcad("check", str(file), "--against", str(model), "--tolerance", TOLERANCE, "--require-proof")
-    return Outcome(exported.get("shapes", []), checked.get("shapes", []), code != 0, time.perf_counter() - start)
+    seconds = time.perf_counter() - start
+    return Outcome(exported.get("shapes", []), checked.get("shapes", []), checked.get("joints", []), code != 0, seconds)
 
 
 def line(model: Path, outcome: Outcome) -> str:
-    poles = sum(math.prod(shape["poles"]) for shape in outcome.shapes if "poles" in shape)
+    poles = sum(poles_of(shape) for shape in outcome.shapes if "poles" in shape)
     exact = sum(shape.get("exact", False) for shape in outcome.shapes)
     deviations = [row["deviation"][1] for row in outcome.verdicts if row["deviation"]]
     counts = Counter(row["verdict"] for row in outcome.verdicts)
     verdict = ", ".join(f"{count} {verdict}" for verdict, count in counts.items()) or "not written"
+    if outcome.joints and not outcome.failed:
+        verdict += f", {len(outcome.joints)} joints kept"
     deviation = rounded_up(max(deviations)) if deviations else "-"
     return COLUMNS.format(model.name, len(outcome.shapes), poles, exact, deviation, f"{outcome.seconds:.1f}", verdict)
+
+
+def poles_of(shape: dict[str, Any]) -> int:
+    """Those of a curve, of a net, or of all edges of a wire."""
+    counts: list[int] = shape["poles"]
+    return sum(counts) if shape["entity"] == "wire" else math.prod(counts)
 
 
 def rounded_up(value: float) -> str:

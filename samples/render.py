@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import itertools
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,6 +28,7 @@ from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
 
 import gtcad
+from gtcad.composite import Composite
 from gtcad.converters import fit_curve
 from gtcad.model import Model
 from gtcad.protocol import SeparableCurve, SeparableSurface, Shape
@@ -48,6 +50,7 @@ LIFT, DOT = 0.005, 0.0009  # of the distance: strokes lie above the facets; size
 CIRCLE = np.array([[np.cos(a), np.sin(a)] for a in np.linspace(0.0, 2 * np.pi, 12, endpoint=False)])
 VIEWS = {  # azimuth and elevation of the eye in degrees
     "bonnet": (42.0, 26.0),
+    "duct-line": (-60.0, 24.0),
     "handle": (-62.0, 22.0),
     "pipe-elbow": (-128.0, 28.0),
     "saddle-roof": (-52.0, 20.0),
@@ -155,6 +158,18 @@ class Scene:
         return np.asarray(np.clip(color * (0.36 + 0.56 * key + 0.2 * fill) + (lamps @ BRIGHTNESS)[:, None], 0, 1))
 
 
+def in_pieces(model: Model) -> Model:
+    """The model with the pieces of each chain in its place."""
+    shapes: dict[str, Shape] = {}
+    colors = {}
+    for name, shape in model.items():
+        chained = isinstance(shape, Composite)
+        found = {f"{name} #{k + 1}": piece for k, piece in enumerate(shape.pieces)} if chained else {name: shape}
+        shapes |= found
+        colors |= {piece: model.colors[name] for piece in found if name in model.colors}
+    return Model(shapes, model.unit, colors)
+
+
 def net_of(shape: Shape) -> Array:
     """The control points of a shape, plane ones at z = 0."""
     points = shape.coefficients
@@ -183,9 +198,10 @@ def draw_space(axes: Axes, model: Model, view: tuple[float, float], *, net: bool
             scene.add_surface(shape, color, cells)
         else:
             scene.add_stroke(shape.evaluate(np.linspace(0.0, 1.0, 4 * STROKE + 1)), color, 3.0, lift=0.008)
-        if net and isinstance(shape, SeparableSurface):
-            scene.add_net(net_of(shape), 0.3 if isinstance(shape, RestrictedSurface) else 0.8)
-            seen.append(camera.project(net_of(shape))[0].reshape(-1, 2))
+        if net:
+            points = net_of(shape) if isinstance(shape, SeparableSurface) else net_of(shape)[None]
+            scene.add_net(points, 0.3 if isinstance(shape, RestrictedSurface) else 0.8)
+            seen.append(camera.project(points)[0].reshape(-1, 2))
     scene.draw(axes)
     frame(axes, np.concatenate(seen))
 
@@ -234,22 +250,21 @@ def is_plane(model: Model) -> bool:
 
 
 def title_of(name: str, model: Model) -> str:
-    points = np.concatenate([samples_of(shape) for shape in model.values()])
+    points = np.concatenate([samples_of(shape) for shape in in_pieces(model).values()])
     sides = " x ".join(f"{float(f'{side:.3g}'):g}" for side in points.max(axis=0) - points.min(axis=0))
-    curves = sum(isinstance(shape, SeparableCurve) for shape in model.values())
-    counts = [
-        f"{count} {kind}{'s' * (count > 1)}"
-        for count, kind in ((len(model) - curves, "surface"), (curves, "curve"))
-        if count
-    ]
+    kinds = Counter(
+        "chain" if isinstance(shape, Composite) else "curve" if isinstance(shape, SeparableCurve) else "surface"
+        for shape in model.values()
+    )
+    counts = [f"{count} {kind}{'s' * (count > 1)}" for kind, count in kinds.items()]
     return f"{name.replace('-', ' ')}: {' and '.join(counts)}, {sides} {model.unit}"
 
 
 def draw_model(axes: Axes, name: str, model: Model) -> None:
     if is_plane(model):
-        draw_plane(axes, model)
+        draw_plane(axes, in_pieces(model))
     else:
-        draw_space(axes, model, VIEWS.get(name, (-55.0, 25.0)))
+        draw_space(axes, in_pieces(model), VIEWS.get(name, (-55.0, 25.0)))
     axes.set_title(title_of(name, model), fontsize=11, color=INK)
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
+import math
 import re
 import shutil
 from collections.abc import Iterator
@@ -48,6 +51,10 @@ def masked(words: list[str]) -> list[str]:
     return [NUMBER.sub("#", word) for word in words if word.strip("─")]
 
 
+def numbers(words: list[str]) -> list[float]:
+    return [float(number) for word in words for number in NUMBER.findall(word)]
+
+
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with the samples and with every file that the pages show."""
@@ -71,9 +78,19 @@ def gtcad_command(command: str) -> tuple[int, list[str]]:
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_examples_run_and_print_what_the_page_shows(page: Path, folder: Path) -> None:
+    namespace: dict[str, object] = {"__name__": "__main__"}  # examples of a page go on from those above
+    printed: list[str] = []
     for block in blocks(page):
         if block.language == "python":
-            exec(compile(block.text, f"{page.name}: example", "exec"), {"__name__": "__main__"})
+            output = io.StringIO()
+            with contextlib.redirect_stdout(output):
+                exec(compile(block.text, f"{page.name}: example", "exec"), namespace)
+            printed = output.getvalue().split()
+        elif block.language == "text":
+            assert masked(printed) == masked(block.text.split())
+            assert printed
+            for shown, now in zip(numbers(block.text.split()), numbers(printed), strict=True):
+                assert math.isclose(shown, now, rel_tol=0.1)  # better fits and proofs move the figures a little
         elif block.language == "console":
             check_session(block.text)
         elif block.is_model:
@@ -100,10 +117,16 @@ def check_model(block: Block, folder: Path) -> None:
 
 def test_the_pages_have_examples_of_every_kind() -> None:
     found = [block for page in PAGES for block in blocks(page)]
-    assert {block.language for block in found} >= {"python", "console", "toml", "json"}
+    assert {block.language for block in found} >= {"python", "text", "console", "toml", "json"}
     assert all(block.file for block in found if block.is_model)
     sessions = [command for block in found if block.language == "console" for command, _ in commands(block.text)]
     assert {command.split()[1] for command in sessions if command.startswith("gtcad")} >= {"export", "check", "info"}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_the_pictures_and_pages_that_a_page_names_are_there(page: Path) -> None:
+    for target in re.findall(r"\]\((?!https?://)([^)#\s]+)", page.read_text(encoding="utf-8")):
+        assert (page.parent / target).exists(), target
 
 
 def test_the_build123d_example_is_short() -> None:

@@ -1,4 +1,4 @@
-"""Measurements of trimmed faces that only the kernel can take."""
+"""Measurements that only the kernel can take: of trimmed faces, and of solids as it holds them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from gtcad.converters.bspline import Array
-from gtcad.converters.occt.compat import kernel_module
+from gtcad.converters.occt.compat import kernel_guard, kernel_module
+from gtcad.measure import Estimate
 
 _BRepBuilderAPI = kernel_module("BRepBuilderAPI")
 _BRepExtrema = kernel_module("BRepExtrema")
@@ -38,3 +39,12 @@ def area(face: Any) -> float:
     properties = _GProp.GProp_GProps()
     _BRepGProp.SurfaceProperties_s(face, properties, 1e-7)
     return float(properties.Mass())
+
+
+def volume(solid: Any, *, rtol: float) -> Estimate:
+    """Volume of a solid in mm^3, by adaptive quadrature with a relative error of about rtol; its estimate is kept."""
+    with kernel_guard("measuring a volume"):
+        properties = _GProp.GProp_GProps()
+        error = float(_BRepGProp.VolumeProperties_s(solid, properties, rtol))
+        value = float(properties.Mass())
+    return Estimate(value, (abs(error) + rtol) * abs(value))

@@ -1,17 +1,17 @@
-"""Shells and solids of many faces that share their edges: built from boundary poles that are equal, without sewing."""
+"""Shells and solids of many faces that share their edges: built from equal boundary curves, without sewing."""
 
 from __future__ import annotations
 
 import itertools
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gtcad.converters.bspline import BSplineCurve, BSplineSurface
-from gtcad.converters.occt.compat import as_edge, as_face, kernel_guard, kernel_module
+from gtcad.converters.bspline import Array, BSplineCurve, BSplineSurface
+from gtcad.converters.occt.compat import as_edge, as_face, kernel_guard, kernel_module, point
 from gtcad.converters.occt.geometry import to_geom_curve
 from gtcad.converters.occt.pieces import ShapeKey
 from gtcad.converters.occt.topology import (
@@ -35,12 +35,16 @@ if TYPE_CHECKING:
     from gtcad.quilt import SharedEdge
 
 _BRep = kernel_module("BRep")
+_Geom = kernel_module("Geom")
+_gp = kernel_module("gp")
 _TopAbs = kernel_module("TopAbs")
 _TopExp = kernel_module("TopExp")
 _TopoDS = kernel_module("TopoDS")
 
 Place = tuple[int, Side]
-_SAME_KNOTS = 1e-12  # of the length of the domain: mirrored knots are rounded
+_SAME = 1e-2  # of the tolerance: how far curves that are one may be apart by rounding
+_STEPS = 32  # points of each knot span for the sign of an area and for what lies inside
+_PARALLEL = 1e-6  # sine of the angle between planes that may be one
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +96,7 @@ def make_shell(
     *,
     tolerance: float = TOLERANCE,
 ) -> Shell:
-    """The shell of patches whose shared sides have equal poles: one kernel edge for each, one vertex for each corner.
+    """The shell of patches whose shared sides are equal curves: one kernel edge for each, one vertex for each corner.
 
     A side whose control points are all equal becomes a degenerate edge, and sides that a patch shares with itself
     one seam edge.
@@ -102,8 +106,8 @@ def make_shell(
     splines
         In mm.
     edges
-        The sides that are shared. Control points are equal, in reverse order where ``reversed``, and knots too,
-        mirrored; otherwise they are as far apart for the kernel as for the reader.
+        The sides that are shared: at equal parameters, or where ``reversed`` at mirrored ones, they have equal points
+        up to rounding. Corners that are one must be equal to the last bit.
     flipped
         For each patch whether its face is turned over, so that neighbours have their normals on one side.
     tolerance
@@ -125,7 +129,7 @@ def make_shell(
         raise InputError(f"a shell needs a patch and one flag for each, got {len(splines)} and {len(flipped)}")
     with kernel_guard("making a shell"):
         outlines = [_outline(patch, spline, tolerance) for patch, spline in enumerate(splines)]
-        sharing = _Sharing(outlines, flipped)
+        sharing = _Sharing(outlines, flipped, tolerance)
         for edge in edges:
             sharing.add(edge)
         return _assembled(sharing, tolerance)
@@ -170,7 +174,8 @@ def _outline(patch: int, spline: BSplineSurface, tolerance: float) -> Outline:
 class _Sharing:
     """For each side of each patch the side whose edge it uses, and whether it runs against that."""
 
-    def __init__(self, outlines: Sequence[Outline], flipped: Sequence[bool]) -> None:
+    def __init__(self, outlines: Sequence[Outline], flipped: Sequence[bool], tolerance: float) -> None:
+        self.allowed = _SAME * tolerance
         self.outlines = list(outlines)
         self.flipped = tuple(flipped)
         self.owner: dict[Place, Place] = {}
@@ -210,33 +215,28 @@ class _Sharing:
 
     def _check_equal(self, first: Place, second: Place, mirrored: bool) -> None:
         a, b = (self.outlines[patch].curves[side] for patch, side in (first, second))
-        b = _mirrored(b) if mirrored else b
-        if a.degree != b.degree or a.multiplicities != b.multiplicities or not _same_knots(a, b):
-            raise InputError(f"{_named(first)} and {_named(second)} are one edge, but their knots differ")
-        gap = float(np.linalg.norm(a.control_points - b.control_points, axis=-1).max())
-        if gap > 0:
-            raise InputError(f"{_named(first)} and {_named(second)} are one edge, but {gap:.3g} mm apart")
-        if (a.weights is None) != (b.weights is None) or (a.weights is not None and (a.weights != b.weights).any()):
-            raise InputError(f"{_named(first)} and {_named(second)} are one edge, but their weights differ")
+        if a.domain != b.domain:
+            raise InputError(f"{_named(first)} and {_named(second)} are one edge, but their domains differ")
+        gap = _apart(a, b, mirrored)
+        if gap > self.allowed:
+            raise InputError(
+                f"{_named(first)} and {_named(second)} are one edge, but {gap:.3g} mm apart, "
+                f"more than {self.allowed:.3g} mm"
+            )
 
 
 def _named(place: Place) -> str:
     return f"side {place[1]} of patch {place[0]}"
 
 
-def _mirrored(curve: BSplineCurve) -> BSplineCurve:
-    """The curve run backwards over the same domain."""
-    return BSplineCurve(
-        curve.control_points[::-1],
-        (curve.knots[0] + curve.knots[-1]) - curve.knots[::-1],
-        curve.multiplicities[::-1],
-        curve.degree,
-        None if curve.weights is None else curve.weights[::-1],
-    )
-
-
-def _same_knots(a: BSplineCurve, b: BSplineCurve) -> bool:
-    return float(np.abs(a.knots - b.knots).max()) <= _SAME_KNOTS * float(a.knots[-1] - a.knots[0])
+def _apart(a: BSplineCurve, b: BSplineCurve, mirrored: bool) -> float:
+    """Largest distance at samples that tell any two polynomial splines over these knots apart."""
+    start, end = a.domain
+    knots = np.unique(np.concatenate([a.knots, start + end - b.knots if mirrored else b.knots]))
+    steps = np.linspace(0, 1, a.degree + b.degree + 2)
+    t = (knots[:-1, None] + np.diff(knots)[:, None] * steps).clip(start, end).reshape(-1)
+    other = b.evaluate((start + end - t).clip(start, end) if mirrored else t)
+    return float(np.linalg.norm(a.evaluate(t) - other, axis=-1).max())
 
 
 # --- faces and shells -------------------------------------------------------------------------------------------------
@@ -286,6 +286,163 @@ def shell_of(faces: Sequence[Any], free: Sequence[FreeEdge]) -> Shell:
     if uses.free != len(free) or uses.wrong:
         raise KernelError(f"the shell should have {len(free)} free edges and none that is used wrongly, got {uses}")
     return Shell(checked(shape, "shell"), tuple(faces), tuple(free))
+
+
+# --- planar caps ------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Cap:
+    """A plane face that closes one loop of free edges.
+
+    Attributes
+    ----------
+    face
+        The kernel's, oriented as in the shell.
+    loop
+        The free edges, in the direction in which their own faces use them.
+    centre, normal
+        Of the plane; the unit normal goes out of the shell like those of its other faces. Each of shape (3,).
+    flatness
+        Largest distance of a control point of the loop from the plane, in mm.
+    """
+
+    face: Any
+    loop: tuple[FreeEdge, ...]
+    centre: Array
+    normal: Array
+    flatness: float
+
+
+def planar_caps(shell: Shell, *, flatness: float, tolerance: float = TOLERANCE) -> tuple[Cap, ...]:
+    """A plane face for each loop of free edges, on these edges themselves.
+
+    Parameters
+    ----------
+    shell
+        A loop must not cross itself: that is not tested.
+    flatness
+        How far the edges may leave their plane, in mm. The tolerance of edges that do is raised to what they do.
+    tolerance
+        Of the faces, in mm.
+
+    Raises
+    ------
+    InputError
+        When no edge is free, loops touch each other or lie within each other in one plane, or a loop is not plane or
+        encloses nothing.
+    KernelError
+        When the kernel's own check refuses a face.
+    """
+    if not shell.free:
+        raise InputError("the shell is closed: there is nothing to cap")
+    with kernel_guard("making planar caps"):
+        caps = tuple(_cap(loop, flatness, tolerance) for loop in _loops(shell.free))
+        for one, other in itertools.permutations(caps, 2):
+            if _within(one, other, max(flatness, tolerance)):
+                raise InputError(
+                    f"the loops at {_listed(one.loop)} and at {_listed(other.loop)} lie in one plane, one inside the "
+                    "other: close the gap between them with patches"
+                )
+        return caps
+
+
+def capped(shell: Shell, caps: Sequence[Cap]) -> Shell:
+    """The shell with the caps among its faces.
+
+    Raises
+    ------
+    KernelError
+        When the kernel's own check refuses it.
+    """
+    with kernel_guard("capping a shell"):
+        used = {(edge.patch, edge.side) for cap in caps for edge in cap.loop}
+        free = [edge for edge in shell.free if (edge.patch, edge.side) not in used]
+        return shell_of([*shell.faces, *(cap.face for cap in caps)], free)
+
+
+def _loops(free: Sequence[FreeEdge]) -> Iterator[tuple[FreeEdge, ...]]:
+    """The free edges end to end; as many begin as end at a vertex, since the faces agree in their orientation."""
+    following: dict[ShapeKey, FreeEdge] = {}
+    for edge in free:
+        start = ShapeKey(_TopExp.TopExp.FirstVertex_s(edge.edge, True))
+        if start in following:
+            raise InputError(f"{_listed([following[start], edge])} begin at one corner: the loops there are not clear")
+        following[start] = edge
+    while following:
+        start = next(iter(following))
+        loop = [following.pop(start)]
+        while (end := ShapeKey(_TopExp.TopExp.LastVertex_s(loop[-1].edge, True))) != start:
+            loop.append(following.pop(end))
+        yield tuple(loop)
+
+
+def _listed(loop: Iterable[FreeEdge]) -> str:
+    return ", ".join(_named((edge.patch, edge.side)) for edge in loop)
+
+
+def _cap(loop: tuple[FreeEdge, ...], flatness: float, tolerance: float) -> Cap:
+    poles = np.concatenate([edge.curve.control_points for edge in loop])
+    centre = poles.mean(axis=0)
+    normal = np.linalg.svd(poles - centre)[2][-1]
+    off_plane = float(np.abs((poles - centre) @ normal).max())
+    if off_plane > max(flatness, tolerance):
+        raise InputError(
+            f"the loop at {_listed(loop)} is not plane: it lies up to {off_plane:.3g} mm off the best plane, "
+            f"more than {max(flatness, tolerance):.3g} mm"
+        )
+    polygon = _polygon(loop)[::-1] - centre  # a cap uses its edges the other way round
+    enclosed = float(np.cross(polygon, np.roll(polygon, -1, axis=0)).sum(axis=0) @ normal) / 2
+    if abs(enclosed) <= tolerance * float(np.linalg.norm(polygon, axis=1).max()):
+        raise InputError(f"the loop at {_listed(loop)} encloses no area")
+    normal = np.copysign(1.0, enclosed) * normal
+    face = _plane_face(loop, centre, normal, tolerance)
+    if off_plane > tolerance:
+        _loosen(loop, 1.01 * off_plane)
+    return Cap(checked(face, "cap"), loop, centre, normal, off_plane)
+
+
+def _plane_face(loop: Sequence[FreeEdge], centre: Array, normal: Array, tolerance: float) -> Any:
+    builder, face, wire = _BRep.BRep_Builder(), _TopoDS.TopoDS_Face(), _TopoDS.TopoDS_Wire()
+    plane = _Geom.Geom_Plane(point(centre), _gp.gp_Dir(*normal.tolist()))
+    builder.MakeFace(face, plane, tolerance)
+    builder.MakeWire(wire)
+    for edge in reversed(loop):
+        builder.Add(wire, edge.edge.Reversed())
+    wire.Closed(True)
+    builder.Add(face, wire)
+    return face
+
+
+def _loosen(loop: Sequence[FreeEdge], tolerance: float) -> None:
+    builder = _BRep.BRep_Builder()
+    for edge in loop:
+        builder.UpdateEdge(edge.edge, tolerance)
+        for end in (_TopExp.TopExp.FirstVertex_s, _TopExp.TopExp.LastVertex_s):
+            builder.UpdateVertex(end(edge.edge), tolerance)
+
+
+def _polygon(loop: Sequence[FreeEdge]) -> Array:
+    """Points along the edges, in the direction in which their own faces use them."""
+    parts = []
+    for edge in loop:
+        knots = edge.curve.knots
+        t = np.linspace(knots[:-1], knots[1:], _STEPS, endpoint=False, axis=1).reshape(-1)
+        points = edge.curve.evaluate(t if edge.ahead else knots[0] + knots[-1] - t)
+        parts.append(points)
+    return np.concatenate(parts)
+
+
+def _within(inner: Cap, outer: Cap, flatness: float) -> bool:
+    """Whether a loop lies in the plane of another one and begins inside it."""
+    place = _polygon(inner.loop)[0] - outer.centre
+    if abs(place @ outer.normal) > flatness or np.linalg.norm(np.cross(inner.normal, outer.normal)) > _PARALLEL:
+        return False
+    across = np.linalg.svd(outer.normal[None, :])[2][1:]
+    x, y = across @ (_polygon(outer.loop) - outer.centre - place).T
+    next_x, next_y = np.roll(x, -1), np.roll(y, -1)
+    turns = np.arctan2(x * next_y - y * next_x, x * next_x + y * next_y).sum()
+    return bool(abs(turns) > np.pi)
 
 
 # --- how edges are used -----------------------------------------------------------------------------------------------
@@ -353,3 +510,13 @@ def _way_of_use(edge: Any, places: list[tuple[int, Any]]) -> str:
     if len(places) != 2 or ways != {_TopAbs.TopAbs_FORWARD, _TopAbs.TopAbs_REVERSED}:
         return "wrong"
     return "shared" if len(faces) == 2 else "seams"
+
+
+def parts_of(shape: Any) -> int:
+    """Into how many parts the faces of a shape fall when only common edges hold them together."""
+    parts: list[set[ShapeKey]] = []
+    for face in _explored(shape, _TopAbs.TopAbs_FACE):
+        edges = {ShapeKey(edge) for edge in _explored(face, _TopAbs.TopAbs_EDGE)}
+        touched = [part for part in parts if not part.isdisjoint(edges)]
+        parts = [part for part in parts if part.isdisjoint(edges)] + [edges.union(*touched)]
+    return len(parts)

@@ -307,9 +307,7 @@ def _side_line(surface: BSplineSurface, side: Side, mirrored: bool) -> Any:
     return _Geom2d.Geom2d_Line(_gp.gp_Pnt2d(origin, fixed), _gp.gp_Dir2d(way, 0.0))
 
 
-def face_on(
-    outline: Outline, edges: Mapping[Side, Any], tolerance: float, *, mirrored: Collection[Side] = ()
-) -> Any:
+def face_on(outline: Outline, edges: Mapping[Side, Any], tolerance: float, *, mirrored: Collection[Side] = ()) -> Any:
     """The face of a surface whose edges exist already, so that neighbours can share them.
 
     Parameters
@@ -331,7 +329,9 @@ def face_on(
     builder.MakeWire(wire)
     for side in AROUND:
         edge = edges[outline.seams.get(side, side)]
-        builder.Add(wire, edge.Oriented(_TopAbs.TopAbs_FORWARD if walked_ahead(side, mirrored) else _TopAbs.TopAbs_REVERSED))
+        builder.Add(
+            wire, edge.Oriented(_TopAbs.TopAbs_FORWARD if walked_ahead(side, mirrored) else _TopAbs.TopAbs_REVERSED)
+        )
     for side in outline.needed:
         _lay_on_face(outline, side, edges[side], face, tolerance, mirrored)
     wire.Closed(True)

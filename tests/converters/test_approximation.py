@@ -21,7 +21,7 @@ from gtcad.converters.approximation import (
     equidistributed,
     of_kind,
 )
-from gtcad.converters.spline_basis import Knots
+from gtcad.converters.spline_basis import Knots, both_ends
 from gtcad.factors import RestrictedFactors, Waves
 from tests import pieces
 
@@ -96,18 +96,19 @@ def _sample_places(problem):
     return line.values[:, 1]
 
 
-@pytest.mark.parametrize("end_order", range(4))
+@pytest.mark.parametrize("end_order", [*range(4), (0, 3), (2, 1)], ids=str)
 @pytest.mark.parametrize("degree", [3, 5, 9, 25])
 @pytest.mark.parametrize("factors", FACTORS, ids=NAMES)
 def test_derivatives_at_both_ends_are_exact(factors, degree, end_order):
     knots = uneven(6, degree, seed=degree)
-    if knots.poles < 2 * (end_order + 1):
+    highest = both_ends(end_order)
+    if knots.poles < sum(highest) + 2:
         pytest.skip("no room for the end conditions")
     ends = np.array([0.0, 1.0])
     spline = BSpline(knots.flat, Problem(factors, knots, end_order).solve(), degree)
     identity = BSpline(knots.flat, np.eye(knots.poles), degree)
-    for order in range(end_order + 1):
-        exact, found = factors.rows(ends, order).T, spline(ends, order)
+    for end, order in [(0, k) for k in range(highest[0] + 1)] + [(1, k) for k in range(highest[1] + 1)]:
+        exact, found = factors.rows(ends, order).T[end], spline(ends, order)[end]
         rounding = 1e-15 * abs(identity(ends, order)).sum(axis=1).max()  # what a unit in each pole makes
         assert abs(found - exact).max() <= 8 * (rounding + 1e-15 * abs(exact).max())
     assert np.array_equal(spline.c[[0, -1]], factors.rows(ends).T)
@@ -263,6 +264,30 @@ def test_adapted_knots_are_nearly_the_best_that_there_are(factors, degree, spans
     best = minimize(error, start, method="Nelder-Mead", options={"maxfev": 80}).fun / 1e6
     found = dense_error(adapted(bundle, degree, spans), bundle)
     assert found <= 1.1 * best
+
+
+@pytest.mark.parametrize("end_order", [0, (2, 1)], ids=str)
+@pytest.mark.parametrize("degree", [3, 5, 8])
+def test_steps_are_those_of_gauss_and_newton(degree, end_order):
+    """The change of the weighted error with each knot, by differences of least-squares solutions."""
+    curve = pieces.curves()["D5s"]
+    start = equidistributed(curve_bundle(curve), degree, 6)
+    for few in (48, 0):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(approximation, "_FEW_POLES", few)
+            search = approximation._KnotSearch(curve_bundle(curve), degree, end_order, start)
+            weights = np.random.default_rng(0).uniform(0.1, 1, len(search.t))
+
+            def cost(breaks, search=search, weights=weights):
+                trial = search._solve(breaks, weights)
+                return (weights[:, None] * trial.residual**2).sum() / 2
+
+            moved, _ = search._step(search._solve(start, weights), weights, 1e9)  # so damped: along the gradient
+            move = (moved.breaks - start)[1:-1]
+            steps = np.eye(7)[1:-1] * 1e-5
+            slopes = np.array([(cost(start + step) - cost(start - step)) / 2e-5 for step in steps])
+            assert (np.sign(move) == -np.sign(slopes)).all()
+            assert cost(moved.breaks) < cost(start)
 
 
 @pytest.mark.parametrize("name", ["A2p", "B3p", "C3s", "D5s", "E8p"])

@@ -1,12 +1,23 @@
 from __future__ import annotations
 
+import math
+
 import mpmath as mp
 import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
 from gtcad.chebyshev import nodes
-from gtcad.converters.spline_basis import Knots, dense, end_derivatives, local_values
+from gtcad.converters.spline_basis import (
+    Knots,
+    both_ends,
+    dense,
+    doubled,
+    end_derivatives,
+    local_values,
+    sampled,
+    top_jumps,
+)
 from tests import reference, splines
 
 
@@ -82,6 +93,66 @@ def test_end_derivatives_are_triangular():
     assert np.array_equal(start, np.tril(start))
     assert np.array_equal(end, np.tril(end))
     assert start[0, 0] == end[0, 0] == 1
+
+
+def test_each_end_has_its_own_order():
+    knots = random_knots(1, 6)
+    start, end = end_derivatives(knots, (3, 1))
+    assert np.array_equal(start, end_derivatives(knots, 3)[0])
+    assert np.array_equal(end, end_derivatives(knots, 1)[1])
+    assert (both_ends(2), both_ends((2, 1))) == ((2, 2), (2, 1))
+
+
+# Functions at fixed parameters, for knots that move
+
+
+def simple_knots(degree, spans=7):
+    """Uneven breaks, and parameters with breaks among them."""
+    rng = np.random.default_rng(degree)
+    breaks = np.concatenate([[0.0], np.sort(rng.uniform(0.02, 0.98, spans - 1)), [1.0]])
+    return breaks, Knots.smooth(breaks, degree).flat, np.sort(np.concatenate([rng.random(400), breaks[:-1]]))
+
+
+@pytest.mark.parametrize("degree", DEGREES)
+def test_functions_at_fixed_parameters_are_those_of_scipy(degree):
+    _, flat, t = simple_knots(degree)
+    expected = BSpline.design_matrix(t, flat, degree).toarray()
+    functions = sampled(flat, degree, t)
+    assert abs(functions.dense() - expected).max() <= 4e-14
+    assert abs(functions.sparse() - expected).max() <= 4e-14
+
+
+@pytest.mark.parametrize("end_order", [(0, 0), (3, 1), (0, 3), (3, 3)])
+@pytest.mark.parametrize("degree", [3, 5, 8, 11])
+def test_doubled_knots(degree, end_order):
+    """One B-spline for each interior knot: of the space with that knot doubled, flat enough at both ends."""
+    breaks, flat, t = simple_knots(degree)
+    functions, jumps = doubled(flat, degree, end_order, t)
+    values = functions.dense()
+    assert values.shape == (len(t), len(breaks) - 2)
+    assert abs(functions.sparse() - values).max() == 0
+    for column, knot in enumerate(breaks[1:-1]):
+        finer = np.sort(np.append(flat, knot))
+        basis = BSpline(finer, np.eye(len(finer) - degree - 1), degree)
+        here = basis(t)
+        index = int(abs(here - values[:, [column]]).max(axis=0).argmin())
+        assert abs(here[:, index] - values[:, column]).max() <= 1e-13
+        below, above = (basis(np.nextafter(knot, side), degree - 1)[index] for side in (0, 1))
+        jump = (above - below) / math.factorial(degree)
+        assert jumps[column] == pytest.approx(jump, rel=1e-7)
+        assert jumps[column] != 0
+        for end, highest in zip((0.0, 1.0), end_order, strict=True):
+            assert all(abs(basis(end, order)[index]) == 0 for order in range(highest + 1))
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 5, 8])
+def test_jumps_of_the_highest_derivative_are_those_of_scipy(degree):
+    breaks, flat, _ = simple_knots(degree)
+    poles = np.random.default_rng(0).normal(size=(len(flat) - degree - 1, 2))
+    spline = BSpline(flat, poles, degree)
+    middles = (breaks[1:] + breaks[:-1]) / 2
+    expected = np.diff(spline(middles, degree), axis=0) / math.factorial(degree)
+    assert abs(top_jumps(poles, flat, degree) - expected).max() <= 1e-11 * abs(expected).max()
 
 
 @pytest.mark.parametrize("parts", [1, 2, 3, 8])

@@ -1,0 +1,460 @@
+"""Walls: a quilt without creases, its exact offset as splines with shared edges, and the rims between the two.
+
+Of a surface S with the unit normal n the offset is ``O = S + t n``. With the principal curvatures kappa, positive
+where S bends towards n, it has no fold as long as ``t kappa < 1``, and the wall between the two has the volume
+``int |t| - t |t| H + |t|^3 K / 3 dA`` (Steiner), H and K the mean and the Gaussian curvature.
+
+References
+----------
+M. P. do Carmo, Differential Geometry of Curves and Surfaces, 2nd ed., Dover 2016, section 3.5, exercise 11.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtcad.converters.bspline import BSplineCurve, BSplineSurface
+from gtcad.converters.quilt_fit import QuiltFit
+from gtcad.differential import gaussian_curvature, mean_curvature, normal, principal_curvatures
+from gtcad.errors import InputError, ToleranceNotMet
+from gtcad.measure import Estimate
+from gtcad.protocol import SeparableSurface
+from gtcad.quilt import SIDES, Quilt, SharedEdge, Use
+
+Array = NDArray[np.float64]
+Direction = Literal["u", "v"]
+
+MARGIN = 0.01
+"""Of the least radius of curvature: a wall must stay thinner than that by this much."""
+
+_DEGREE = 5
+_MOST_SPANS = 256
+_SHARE = 0.4  # of the tolerance for each direction
+_FINAL = 0.8  # of the tolerance for the samples: between them the deviation is a little larger
+_ROWS = 13  # samples of one direction that stand for all when the other one is divided
+_SMOOTH = 0.02  # of the tolerance: how far offsets of neighbours may part at an edge
+_BESIDE = 1e-3  # parameters so near a side that is one point have lost the digits of curvatures
+_BEST, _ZOOMS, _CLOSER = 4, 12, 9  # places where a largest curvature is sought, rounds, samples of a round
+_CELLS = (1, 2, 4, 8, 16)  # divisions of the unit square, each way, of quadrature
+_SETTLED = 1e-12  # relative
+
+
+@dataclass(frozen=True)
+class Tightest:
+    """Where a quilt bends most towards one of its sides.
+
+    Attributes
+    ----------
+    patch
+        Name of the patch.
+    u, v
+        The place.
+    radius
+        The least radius of curvature on that side in mm, infinite when the quilt bends away everywhere: estimated, by
+        dense samples and a search around the best ones.
+    """
+
+    patch: str
+    u: float
+    v: float
+    radius: float
+
+
+@dataclass(frozen=True, eq=False)
+class Wall:
+    """What bounds the wall: faces for ``make_shell``.
+
+    Attributes
+    ----------
+    names, splines, edges, flipped
+        One closed surface with normals out of the wall, of a quilt with free sides. Of a closed quilt the surface and
+        its offset, which share no edge.
+    outer
+        How many of the patches come from the quilt: then as many offsets follow, then the rims.
+    deviation
+        Largest distance of the splines from the exact surface and its exact offset, in mm: proved for the first,
+        estimated by samples for the second.
+    """
+
+    names: tuple[str, ...]
+    splines: tuple[BSplineSurface, ...]
+    edges: tuple[SharedEdge, ...]
+    flipped: tuple[bool, ...]
+    outer: int
+    deviation: float
+
+
+# --- folds ------------------------------------------------------------------------------------------------------------
+
+
+def tightest(quilt: Quilt, thickness: float) -> Tightest:
+    """Where the quilt bends most towards the side of the thickness, which is positive along its normals.
+
+    Parameters
+    ----------
+    quilt
+        In space, its patches turned over as ``quilt.flipped`` says.
+    thickness
+        Only its sign matters.
+    """
+    found = [
+        _tightest_of(patch, name, math.copysign(1, thickness) * (-1 if flip else 1), _clear_of_points(quilt, k))
+        for k, (patch, name, flip) in enumerate(zip(quilt.patches, quilt.names, quilt.flipped, strict=True))
+    ]
+    return min(found, key=lambda place: place.radius)
+
+
+def check_fold(quilt: Quilt, thickness: float) -> Tightest:
+    """The place where the quilt bends most towards the side of the thickness.
+
+    Raises
+    ------
+    InputError
+        When a wall of that thickness folds there, or nearly: with the limit.
+    """
+    place = tightest(quilt, thickness)
+    limit = (1 - MARGIN) * place.radius
+    if abs(thickness) > limit:
+        raise InputError(
+            f"a wall of {thickness:g} mm folds at {place.patch} (u, v) = ({place.u:.6g}, {place.v:.6g}): the least "
+            f"radius of curvature on that side is {place.radius:.6g} mm (estimated), stay within {limit:.6g} mm"
+        )
+    return place
+
+
+def _clear_of_points(quilt: Quilt, patch: int) -> tuple[tuple[float, float], tuple[float, float]]:
+    points = {use.side for use in quilt.collapsed if use.patch == patch}
+    low, high = ({side: _BESIDE if side in points else 0.0 for side in SIDES} for _ in range(2))
+    return (low["u0"], 1 - high["u1"]), (low["v0"], 1 - high["v1"])
+
+
+def _tightest_of(
+    patch: SeparableSurface, name: str, sign: float, domain: tuple[tuple[float, float], tuple[float, float]]
+) -> Tightest:
+    def bend(u: Array, v: Array) -> Array:
+        values = sign * principal_curvatures(patch, u, v)[..., 0 if sign > 0 else 1]
+        return np.where(np.isnan(values), -math.inf, values)
+
+    counts = [max(33, 8 * factors.count + 1) for factors in (patch.factors_u, patch.factors_v)]
+    u, v = (np.linspace(*ends, count) for ends, count in zip(domain, counts, strict=True))
+    values = bend(u[:, None], v[None, :])
+    best = (-math.inf, 0.5, 0.5)
+    for i, j in _peaks(values):
+        best = max(best, _climbed(bend, (u[i], v[j]), (u[1] - u[0], v[1] - v[0]), domain))
+    return Tightest(name, best[1], best[2], 1 / best[0] if best[0] > 0 else math.inf)
+
+
+def _peaks(values: Array) -> list[tuple[int, int]]:
+    """The largest of the samples that no neighbour exceeds."""
+    around = np.pad(values, 1, constant_values=-np.inf)
+    rows, columns = values.shape
+    shifted = [around[i : i + rows, j : j + columns] for i in range(3) for j in range(3)]
+    places = np.argwhere(values >= np.max(shifted, axis=0))
+    order = np.argsort([-values[i, j] for i, j in places], kind="stable")
+    return [(int(places[k][0]), int(places[k][1])) for k in order[:_BEST]]
+
+
+def _climbed(bend, place, step, domain) -> tuple[float, float, float]:  # type: ignore[no-untyped-def]
+    best = (-math.inf, *place)
+    for _ in range(_ZOOMS):
+        u, v = (
+            np.linspace(max(x - h, ends[0]), min(x + h, ends[1]), _CLOSER)
+            for x, h, ends in zip(best[1:], step, domain, strict=True)
+        )
+        values = bend(u[:, None], v[None, :])
+        i, j = np.unravel_index(values.argmax(), values.shape)
+        best = max(best, (float(values[i, j]), float(u[i]), float(v[j])))
+        step = (step[0] / 3, step[1] / 3)
+    return best
+
+
+# --- creases ----------------------------------------------------------------------------------------------------------
+
+
+def crease(quilt: Quilt, allowed: float) -> str | None:
+    """Where normals of neighbours differ by more than an angle in radians, in words; None when they do nowhere.
+
+    Neighbours are patches at a shared edge, or at a corner or a side that is one point.
+    """
+    t = np.linspace(0, 1, 2 * max(max(p.factors_u.count, p.factors_v.count) for p in quilt.patches) + 9)
+    for edge in quilt.edges:
+        first, second = (_side_normals(quilt, use, t) for use in (edge.first, edge.second))
+        angle = _largest_angle(first, second[::-1] if edge.reversed else second)
+        if not angle <= allowed:
+            return f"at {quilt.label(edge.first)} by {math.degrees(angle):.3g} degrees"
+    for use in quilt.collapsed:
+        normals = _side_normals(quilt, use, t)
+        if not _largest_angle(normals, normals[:1]) <= allowed:
+            return f"at the point {quilt.label(use)}"
+    return None
+
+
+def _side_normals(quilt: Quilt, use: Use, t: Array) -> Array:
+    fixed = np.full_like(t, float(use.side[1]))
+    u, v = (fixed, t) if use.side[0] == "u" else (t, fixed)
+    return _oriented_normal(quilt, use.patch, u, v)
+
+
+def _oriented_normal(quilt: Quilt, patch: int, u: Array, v: Array) -> Array:
+    values = normal(quilt.patches[patch], u, v)
+    return -values if quilt.flipped[patch] else values
+
+
+def _largest_angle(a: Array, b: Array) -> float:
+    """NaN where a normal does not exist."""
+    return float((2 * np.arcsin(np.linalg.norm(a - b, axis=-1).clip(0, 2) / 2)).max())
+
+
+# --- offsets ----------------------------------------------------------------------------------------------------------
+
+
+def wall(fit: QuiltFit, thickness: float, tolerance: float) -> Wall:
+    """The faces around the wall between a fitted quilt without creases and its offset.
+
+    Parameters
+    ----------
+    fit
+        In mm.
+    thickness
+        In mm, positive along the normals of the quilt.
+    tolerance
+        Largest distance of the offset's splines from the exact offset, in mm.
+
+    Raises
+    ------
+    InputError
+        When the splines are rational, or free sides meet in a way that leaves the rim unclear.
+    ToleranceNotMet
+        When 256 spans are not enough.
+    """
+    if any(spline.weights is not None for spline in fit.splines):
+        raise InputError("a wall needs polynomial splines, as fit_quilt makes them")
+    quilt, count = fit.quilt, len(fit.splines)
+    offsets, deviation = _Offsets(fit, thickness, tolerance).fitted()
+    sign = thickness > 0
+    base_flips = tuple(flip == sign for flip in quilt.flipped)  # the offset side is inside the wall
+    offset_flips = tuple(not flip for flip in base_flips)
+    edges = [*quilt.edges, *(_moved(edge, count) for edge in quilt.edges)]
+    rims, rim_edges, rim_flips = _rims(fit, offsets, base_flips)
+    return Wall(
+        (*quilt.names, *(f"{name} offset" for name in quilt.names), *(f"{quilt.label(use)} rim" for use in quilt.free)),
+        (*fit.splines, *offsets, *rims),
+        (*edges, *rim_edges),
+        (*base_flips, *offset_flips, *rim_flips),
+        count,
+        max(fit.deviation[1], deviation),
+    )
+
+
+def _moved(edge: SharedEdge, by: int) -> SharedEdge:
+    first, second = (Use(use.patch + by, use.side) for use in (edge.first, edge.second))
+    return SharedEdge(first, second, edge.reversed, edge.order)
+
+
+class _Offsets:
+    """The search for the number of spans of each strip of patches that share a direction."""
+
+    def __init__(self, fit: QuiltFit, thickness: float, tolerance: float) -> None:
+        self.quilt, self.bases = fit.quilt, fit.splines
+        self.thickness, self.tolerance = thickness, tolerance
+        self.strips = _strips(fit.quilt)
+
+    def fitted(self) -> tuple[tuple[BSplineSurface, ...], float]:
+        patches = range(len(self.bases))
+        needed = {(k, way): self._spans(k, way) for k in patches for way in ("u", "v")}
+        while True:
+            spans = {place: max(needed[other] for other in strip) for strip in self.strips for place in strip}
+            splines = self._snapped([self._interpolated(k, spans[k, "u"], spans[k, "v"]) for k in patches])
+            found = [self._deviation(k, spline) for k, spline in zip(patches, splines, strict=True)]
+            if max(found) <= _FINAL * self.tolerance:
+                return splines, max(found)
+            for k, deviation in enumerate(found):
+                if deviation > _FINAL * self.tolerance:
+                    for way in ("u", "v"):
+                        needed[k, way] = self._checked(2 * spans[k, way], max(found))
+
+    def _checked(self, spans: int, achieved: float) -> int:
+        if spans > _MOST_SPANS:
+            raise ToleranceNotMet(self.tolerance, achieved, _MOST_SPANS, f"{_MOST_SPANS} spans of an offset")
+        return spans
+
+    def _points(self, patch: int, u: Array, v: Array) -> Array:
+        u, v = u[:, None], v[None, :]
+        points = self.quilt.patches[patch].evaluate(u, v)
+        return points + self.thickness * _oriented_normal(self.quilt, patch, u, v)
+
+    def _spans(self, patch: int, way: str) -> int:
+        """Spans that one direction needs along a few lines of the other one."""
+        rows, spans = np.linspace(0, 1, _ROWS), 1
+        while True:
+            flat, greville, inverse = _interpolation(spans)
+            t = _between(flat)
+            values, wanted = (
+                self._points(patch, x, rows) if way == "u" else self._points(patch, rows, x).swapaxes(0, 1)
+                for x in (greville, t)
+            )
+            poles = np.tensordot(inverse, values, 1)
+            error = float(np.linalg.norm(np.tensordot(_design(flat, t), poles, 1) - wanted, axis=-1).max())
+            if error <= _SHARE * self.tolerance:
+                return spans
+            spans = self._checked(2 * spans, error)
+
+    def _interpolated(self, patch: int, spans_u: int, spans_v: int) -> BSplineSurface:
+        (_, u, inverse_u), (_, v, inverse_v) = _interpolation(spans_u), _interpolation(spans_v)
+        poles = np.einsum("ia,jb,abd->ijd", inverse_u, inverse_v, self._points(patch, u, v), optimize=True)
+        return BSplineSurface(poles, *_uniform(spans_u), *_uniform(spans_v))
+
+    def _deviation(self, patch: int, spline: BSplineSurface) -> float:
+        u, v = _between(spline.flat_knots_u), _between(spline.flat_knots_v)
+        poles = spline.control_points
+        design_u, design_v = _design(spline.flat_knots_u, u), _design(spline.flat_knots_v, v)
+        held = np.einsum("ai,bj,ijd->abd", design_u, design_v, poles, optimize=True)
+        return float(np.linalg.norm(held - self._points(patch, u, v), axis=-1).max())
+
+    def _snapped(self, splines: Sequence[BSplineSurface]) -> tuple[BSplineSurface, ...]:
+        """Rows that are one made equal to the last bit, corners that are one too, points one point."""
+        poles = [np.array(spline.control_points) for spline in splines]
+        for edge in self.quilt.edges:
+            row = _row(poles[edge.first.patch], edge.first.side)
+            _row(poles[edge.second.patch], edge.second.side)[:] = row[::-1] if edge.reversed else row
+        corners: dict[bytes, Array] = {}
+        for base, points in zip(self.bases, poles, strict=True):
+            for i, j in ((0, 0), (0, -1), (-1, 0), (-1, -1)):
+                place = (base.control_points[i, j] + 0.0).tobytes()
+                points[i, j] = corners.setdefault(place, points[i, j].copy())
+        for use in self.quilt.collapsed:
+            row = _row(poles[use.patch], use.side)
+            row[:] = row[0]
+        return tuple(spline.with_control_points(points) for spline, points in zip(splines, poles, strict=True))
+
+
+def _row(poles: Array, side: str) -> Array:
+    end = 0 if side[1] == "0" else -1
+    return poles[end] if side[0] == "u" else poles[:, end]
+
+
+def _strips(quilt: Quilt) -> list[set[tuple[int, str]]]:
+    """Directions of patches that shared edges tie together."""
+    strips = [{(patch, way)} for patch in range(len(quilt.patches)) for way in ("u", "v")]
+    for edge in quilt.edges:
+        ends = {(use.patch, use.along) for use in (edge.first, edge.second)}
+        joined = set().union(*(strip for strip in strips if not strip.isdisjoint(ends)))
+        strips = [strip for strip in strips if strip.isdisjoint(ends)] + [joined]
+    return strips
+
+
+def _uniform(spans: int) -> tuple[Array, tuple[int, ...], int]:
+    """Knots, multiplicities and degree; knots of a power of two spans are exact, mirrored too."""
+    return np.arange(spans + 1) / spans, (_DEGREE + 1, *[1] * (spans - 1), _DEGREE + 1), _DEGREE
+
+
+def _interpolation(spans: int) -> tuple[Array, Array, Array]:
+    """Flat knots, Greville abscissae, and the matrix from values there to poles."""
+    knots, multiplicities, degree = _uniform(spans)
+    flat = np.repeat(knots, multiplicities)
+    greville = _greville(flat, degree)
+    return flat, greville, np.linalg.inv(_design(flat, greville))
+
+
+def _greville(flat: Array, degree: int) -> Array:
+    return np.array([flat[i + 1 : i + degree + 1].mean() for i in range(len(flat) - degree - 1)]).clip(0, 1)
+
+
+def _design(flat: Array, t: Array, degree: int = _DEGREE) -> Array:
+    from scipy.interpolate import BSpline
+
+    return np.asarray(BSpline.design_matrix(t, flat, degree).toarray())
+
+
+def _between(flat: Array) -> Array:
+    """Samples of every span, its ends among them."""
+    knots = np.unique(flat)
+    steps = np.linspace(0, 1, 7)[:-1]
+    return np.append((knots[:-1, None] + np.diff(knots)[:, None] * steps).reshape(-1), knots[-1])
+
+
+# --- rims -------------------------------------------------------------------------------------------------------------
+
+
+def _rims(
+    fit: QuiltFit, offsets: Sequence[BSplineSurface], base_flips: Sequence[bool]
+) -> tuple[list[BSplineSurface], list[SharedEdge], list[bool]]:
+    """A ruled patch from each free side to its offset: v0 on the side, v1 on the offset."""
+    count, first = len(offsets), 2 * len(offsets)
+    rims, edges, flips = [], [], []
+    ends: dict[bytes, list[Use]] = {}
+    for place, use in enumerate(fit.quilt.free, start=first):
+        base = fit.splines[use.patch].boundary(use.side)
+        rims.append(_ruled(base, offsets[use.patch].boundary(use.side)))
+        edges.append(SharedEdge(use, Use(place, "v0"), False))
+        edges.append(SharedEdge(Use(use.patch + count, use.side), Use(place, "v1"), False))
+        flips.append((use.side in ("v0", "u1")) != base_flips[use.patch])
+        for side, point in (("u0", base.control_points[0]), ("u1", base.control_points[-1])):
+            ends.setdefault((point + 0.0).tobytes(), []).append(Use(place, side))
+    for uses in ends.values():
+        if len(uses) != 2:
+            labels = ", ".join(fit.quilt.label(fit.quilt.free[use.patch - first]) for use in uses)
+            raise InputError(f"the free sides {labels} meet in one corner: the rim is not clear there")
+        edges.append(SharedEdge(uses[0], uses[1], False))
+    return rims, edges, flips
+
+
+def _ruled(a: BSplineCurve, b: BSplineCurve) -> BSplineSurface:
+    """The ruled surface between two curves over one domain, in the smallest space that holds both."""
+    degree = max(a.degree, b.degree)
+    smooth: dict[float, int] = {}
+    for curve in (a, b):
+        for knot, multiplicity in zip(curve.knots.tolist(), curve.multiplicities, strict=True):
+            smooth[knot] = min(smooth.get(knot, degree), curve.degree - multiplicity)
+    knots = np.array(sorted(smooth))
+    multiplicities = [degree + 1, *(degree - smooth[knot] for knot in knots[1:-1].tolist()), degree + 1]
+    flat = np.repeat(knots, multiplicities)
+    t = _greville(flat, degree)
+    poles = np.linalg.solve(
+        _design(flat, t, degree), np.stack([a.evaluate(t), b.evaluate(t)], axis=1).reshape(t.size, -1)
+    )
+    points = poles.reshape(t.size, 2, -1)
+    for end in (0, -1):
+        points[end] = a.control_points[end], b.control_points[end]
+    return BSplineSurface(points, knots, multiplicities, degree, [0.0, 1.0], [2, 2], 1)
+
+
+# --- volumes ----------------------------------------------------------------------------------------------------------
+
+
+def wall_volume(quilt: Quilt, thickness: float) -> Estimate:
+    """Volume of the wall between a quilt and its offset by Steiner's formula, in mm^3.
+
+    Edges and corners between neighbours add nothing: the quilt must have no creases.
+    """
+    parts = [
+        _settled(patch, -thickness if flip else thickness)
+        for patch, flip in zip(quilt.patches, quilt.flipped, strict=True)
+    ]
+    return Estimate(math.fsum(parts), math.fsum(part.error for part in parts))
+
+
+def _settled(patch: SeparableSurface, t: float) -> Estimate:
+    """By finer and finer divisions, until nothing changes."""
+    value = _steiner(patch, t, _CELLS[0])
+    for cells in _CELLS[1:]:
+        before, value = value, _steiner(patch, t, cells)
+        if abs(value - before) <= _SETTLED * abs(value):
+            break
+    return Estimate(value, abs(value - before) + _SETTLED * abs(value))
+
+
+def _steiner(patch: SeparableSurface, t: float, cells: int) -> float:
+    z, w = np.polynomial.legendre.leggauss(24)
+    x = ((np.arange(cells)[:, None] + (z + 1) / 2) / cells).reshape(-1)
+    weights = np.tile(w / (2 * cells), cells)
+    u, v = x[:, None], x[None, :]
+    area = np.linalg.norm(np.cross(patch.derivative(u, v, (1, 0)), patch.derivative(u, v, (0, 1))), axis=-1)
+    mean, gauss = mean_curvature(patch, u, v), gaussian_curvature(patch, u, v)
+    return float(weights @ (area * (abs(t) - t * abs(t) * mean + abs(t) ** 3 * gauss / 3)) @ weights)
