@@ -269,7 +269,7 @@ def approximate(
 
 def _normalised(weights: Array) -> Array:
     """Largest 1, and none so small that the equations become singular."""
-    return np.maximum(weights / weights.max(), _LEAST_WEIGHT)
+    return np.asarray(np.maximum(weights / weights.max(), _LEAST_WEIGHT))
 
 
 def _few(knots: Knots) -> bool:

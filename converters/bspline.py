@@ -256,20 +256,40 @@ class BSplineSurface:
         spline = NdBSpline((self.flat_knots_u, self.flat_knots_v), self.homogeneous, (self.degree_u, self.degree_v))
         return _project(np.asarray(spline(places)), self.weights)
 
-    def derivatives(self, u: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
-        """First partial derivatives in u and in v at (u, v), which broadcast: each broadcast(u, v).shape + (d,)."""
+    @property
+    def domain(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """First and last u, first and last v."""
+        u, v = self.knots_u, self.knots_v
+        return (float(u[0]), float(u[-1])), (float(v[0]), float(v[-1]))
+
+    def derivative(self, u: ArrayLike, v: ArrayLike, orders: tuple[int, int] = (1, 0)) -> Array:
+        """Partial derivatives of the orders (in u, in v), (0, 0) the point: shape broadcast(u, v).shape + (d,)."""
         from scipy.interpolate import NdBSpline
 
+        order_u, order_v = (checked_order(f"orders[{k}]", order) for k, order in enumerate(orders))
         places = np.stack(
             np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64)), axis=-1
         )
         spline = NdBSpline((self.flat_knots_u, self.flat_knots_v), self.homogeneous, (self.degree_u, self.degree_v))
-        values = np.asarray(spline(places))
-        along_u, along_v = (
-            _project_derivative(values, np.asarray(spline(places, nu=orders)), self.weights)
-            for orders in ((1, 0), (0, 1))
-        )
-        return along_u, along_v
+        if self.weights is None:
+            return np.asarray(spline(places, nu=(order_u, order_v)))
+        values = {
+            (i, j): np.asarray(spline(places, nu=(i, j))) for i in range(order_u + 1) for j in range(order_v + 1)
+        }
+        found: dict[tuple[int, int], Array] = {}
+        for (k, m), value in values.items():  # Leibniz' rule for S w = X, solved for the derivative of S
+            lower = sum(
+                math.comb(k, i) * math.comb(m, j) * values[i, j][..., -1:] * found[k - i, m - j]
+                for i in range(k + 1)
+                for j in range(m + 1)
+                if i + j > 0
+            )
+            found[k, m] = (value[..., :-1] - lower) / values[0, 0][..., -1:]
+        return found[order_u, order_v]
+
+    def derivatives(self, u: ArrayLike, v: ArrayLike) -> tuple[Array, Array]:
+        """First partial derivatives in u and in v at (u, v), which broadcast: each broadcast(u, v).shape + (d,)."""
+        return self.derivative(u, v, (1, 0)), self.derivative(u, v, (0, 1))
 
     def __reduce__(self) -> tuple[object, ...]:
         along_u = self.knots_u, self.multiplicities_u, self.degree_u
@@ -322,11 +342,3 @@ def _homogeneous(points: Array, weights: Array | None) -> Array:
 
 def _project(values: Array, weights: Array | None) -> Array:
     return values if weights is None else values[..., :-1] / values[..., -1:]
-
-
-def _project_derivative(values: Array, derivatives: Array, weights: Array | None) -> Array:
-    """The quotient rule."""
-    if weights is None:
-        return derivatives
-    points = values[..., :-1] / values[..., -1:]
-    return np.asarray((derivatives[..., :-1] - points * derivatives[..., -1:]) / values[..., -1:])

@@ -144,15 +144,13 @@ def _cap_names(quilt: Quilt, count: int) -> list[str]:
 
 
 def _closed_shell(fit: QuiltFit, flipped: tuple[bool, ...]) -> tuple[Shell, tuple[Cap, ...]]:
-    from gtcad.converters.occt.shells import capped, make_shell, parts_of, planar_caps
+    from gtcad.converters.occt.shells import capped, make_shell, planar_caps
 
     shell = make_shell(fit.splines, fit.quilt.edges, flipped)
     caps: tuple[Cap, ...] = ()
     if shell.free:
         caps = planar_caps(shell, flatness=fit.deviation[1])
         shell = capped(shell, caps)
-    if (count := parts_of(shell.shape)) > 1:
-        raise InputError(f"a solid needs patches that hang together, these are {count} separate parts")
     return shell, caps
 
 

@@ -12,9 +12,8 @@ M. P. do Carmo, Differential Geometry of Curves and Surfaces, 2nd ed., Dover 201
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +27,7 @@ from gtcad.protocol import SeparableSurface
 from gtcad.quilt import SIDES, Quilt, SharedEdge, Use
 
 Array = NDArray[np.float64]
-Direction = Literal["u", "v"]
+Place = tuple[float, float]
 
 MARGIN = 0.01
 """Of the least radius of curvature: a wall must stay thinner than that by this much."""
@@ -67,26 +66,29 @@ class Tightest:
 
 
 @dataclass(frozen=True, eq=False)
-class Wall:
-    """What bounds the wall: faces for ``make_shell``.
-
-    Attributes
-    ----------
-    names, splines, edges, flipped
-        One closed surface with normals out of the wall, of a quilt with free sides. Of a closed quilt the surface and
-        its offset, which share no edge.
-    outer
-        How many of the patches come from the quilt: then as many offsets follow, then the rims.
-    deviation
-        Largest distance of the splines from the exact surface and its exact offset, in mm: proved for the first,
-        estimated by samples for the second.
-    """
+class Skin:
+    """Patches that close, with their normals out of the wall: what ``make_shell`` takes, and a name for each."""
 
     names: tuple[str, ...]
     splines: tuple[BSplineSurface, ...]
     edges: tuple[SharedEdge, ...]
     flipped: tuple[bool, ...]
-    outer: int
+
+
+@dataclass(frozen=True, eq=False)
+class Wall:
+    """What bounds a wall.
+
+    Attributes
+    ----------
+    skins
+        One around the wall of an open quilt. Of a closed quilt two, the outer one first.
+    deviation
+        Largest distance of the splines from the exact surface and its exact offset, in mm: proved for the first,
+        estimated by samples for the second.
+    """
+
+    skins: tuple[Skin, ...]
     deviation: float
 
 
@@ -128,15 +130,13 @@ def check_fold(quilt: Quilt, thickness: float) -> Tightest:
     return place
 
 
-def _clear_of_points(quilt: Quilt, patch: int) -> tuple[tuple[float, float], tuple[float, float]]:
+def _clear_of_points(quilt: Quilt, patch: int) -> tuple[Place, Place]:
     points = {use.side for use in quilt.collapsed if use.patch == patch}
     low, high = ({side: _BESIDE if side in points else 0.0 for side in SIDES} for _ in range(2))
     return (low["u0"], 1 - high["u1"]), (low["v0"], 1 - high["v1"])
 
 
-def _tightest_of(
-    patch: SeparableSurface, name: str, sign: float, domain: tuple[tuple[float, float], tuple[float, float]]
-) -> Tightest:
+def _tightest_of(patch: SeparableSurface, name: str, sign: float, domain: tuple[Place, Place]) -> Tightest:
     def bend(u: Array, v: Array) -> Array:
         values = sign * principal_curvatures(patch, u, v)[..., 0 if sign > 0 else 1]
         return np.where(np.isnan(values), -math.inf, values)
@@ -160,7 +160,10 @@ def _peaks(values: Array) -> list[tuple[int, int]]:
     return [(int(places[k][0]), int(places[k][1])) for k in order[:_BEST]]
 
 
-def _climbed(bend, place, step, domain) -> tuple[float, float, float]:  # type: ignore[no-untyped-def]
+def _climbed(
+    bend: Callable[[Array, Array], Array], place: Place, step: Place, domain: tuple[Place, Place]
+) -> tuple[float, float, float]:
+    """The best place around one, and its value first."""
     best = (-math.inf, *place)
     for _ in range(_ZOOMS):
         u, v = (
@@ -235,21 +238,17 @@ def wall(fit: QuiltFit, thickness: float, tolerance: float) -> Wall:
     """
     if any(spline.weights is not None for spline in fit.splines):
         raise InputError("a wall needs polynomial splines, as fit_quilt makes them")
-    quilt, count = fit.quilt, len(fit.splines)
     offsets, deviation = _Offsets(fit, thickness, tolerance).fitted()
-    sign = thickness > 0
-    base_flips = tuple(flip == sign for flip in quilt.flipped)  # the offset side is inside the wall
-    offset_flips = tuple(not flip for flip in base_flips)
-    edges = [*quilt.edges, *(_moved(edge, count) for edge in quilt.edges)]
-    rims, rim_edges, rim_flips = _rims(fit, offsets, base_flips)
-    return Wall(
-        (*quilt.names, *(f"{name} offset" for name in quilt.names), *(f"{quilt.label(use)} rim" for use in quilt.free)),
-        (*fit.splines, *offsets, *rims),
-        (*edges, *rim_edges),
-        (*base_flips, *offset_flips, *rim_flips),
-        count,
-        max(fit.deviation[1], deviation),
-    )
+    quilt = fit.quilt
+    inwards = tuple(flip != (thickness > 0) for flip in quilt.flipped)  # the wall is where the offset goes
+    outwards = tuple(not flip for flip in inwards)
+    own = Skin(quilt.names, fit.splines, quilt.edges, inwards)
+    other = Skin(tuple(f"{name} offset" for name in quilt.names), offsets, quilt.edges, outwards)
+    if quilt.closed:
+        skins = (other, own) if thickness > 0 else (own, other)
+    else:
+        skins = (_with_rims(fit, own, other),)
+    return Wall(skins, max(fit.deviation[1], deviation))
 
 
 def _moved(edge: SharedEdge, by: int) -> SharedEdge:
@@ -382,27 +381,27 @@ def _between(flat: Array) -> Array:
 # --- rims -------------------------------------------------------------------------------------------------------------
 
 
-def _rims(
-    fit: QuiltFit, offsets: Sequence[BSplineSurface], base_flips: Sequence[bool]
-) -> tuple[list[BSplineSurface], list[SharedEdge], list[bool]]:
-    """A ruled patch from each free side to its offset: v0 on the side, v1 on the offset."""
-    count, first = len(offsets), 2 * len(offsets)
-    rims, edges, flips = [], [], []
+def _with_rims(fit: QuiltFit, own: Skin, other: Skin) -> Skin:
+    """Both sides of the wall and a ruled patch from each free side to its offset: v0 on the side, v1 on the offset."""
+    quilt, count = fit.quilt, len(fit.splines)
+    rims, flips = [], []
+    edges = [*own.edges, *(_moved(edge, count) for edge in other.edges)]
     ends: dict[bytes, list[Use]] = {}
-    for place, use in enumerate(fit.quilt.free, start=first):
-        base = fit.splines[use.patch].boundary(use.side)
-        rims.append(_ruled(base, offsets[use.patch].boundary(use.side)))
+    for place, use in enumerate(quilt.free, start=2 * count):
+        base = own.splines[use.patch].boundary(use.side)
+        rims.append(_ruled(base, other.splines[use.patch].boundary(use.side)))
         edges.append(SharedEdge(use, Use(place, "v0"), False))
         edges.append(SharedEdge(Use(use.patch + count, use.side), Use(place, "v1"), False))
-        flips.append((use.side in ("v0", "u1")) != base_flips[use.patch])
+        flips.append((use.side in ("v0", "u1")) != own.flipped[use.patch])
         for side, point in (("u0", base.control_points[0]), ("u1", base.control_points[-1])):
             ends.setdefault((point + 0.0).tobytes(), []).append(Use(place, side))
     for uses in ends.values():
         if len(uses) != 2:
-            labels = ", ".join(fit.quilt.label(fit.quilt.free[use.patch - first]) for use in uses)
+            labels = ", ".join(quilt.label(quilt.free[use.patch - 2 * count]) for use in uses)
             raise InputError(f"the free sides {labels} meet in one corner: the rim is not clear there")
         edges.append(SharedEdge(uses[0], uses[1], False))
-    return rims, edges, flips
+    names = (*own.names, *other.names, *(f"{quilt.label(use)} rim" for use in quilt.free))
+    return Skin(names, (*own.splines, *other.splines, *rims), tuple(edges), (*own.flipped, *other.flipped, *flips))
 
 
 def _ruled(a: BSplineCurve, b: BSplineCurve) -> BSplineSurface:

@@ -30,7 +30,8 @@ _KINDS: dict[str, Kind] = {
     "Geom_SphericalSurface": "sphere",
     "Geom_ToroidalSurface": "torus",
 }
-_SAME = 1e-9  # relative: what a pole, a right angle or a direction may be off
+_SAME = 1e-9  # relative: what a full turn or a right angle may be off
+_POINT = 1e-14  # of the radius: the cosine of pi/2 as a double is 6e-17
 
 
 # --- to the kernel ----------------------------------------------------------------------------------------------------
@@ -68,8 +69,9 @@ def _check_sides(q: Quadric, tolerance: float) -> None:
         lengths["u"] = abs(q.u_range[1] - q.u_range[0])
     else:
         turn, full_u = abs(q.u_range[1] - q.u_range[0]), q.full_turns[0]
-        for end, out in zip(("v0", "v1"), q.meridian(q.v_range)[0].tolist(), strict=True):
-            if out > _SAME * tolerance:
+        outs = q.meridian(q.v_range)[0].tolist()
+        for end, out in zip(("v0", "v1"), outs, strict=True):
+            if out > _POINT * max(q.radius, *outs):
                 lengths[end] = out * turn
             if out > tolerance and not full_u:
                 lengths[f"the gap of {end}"] = out * (FULL_TURN - turn)
@@ -146,7 +148,8 @@ def _disc_face(q: Quadric) -> Any:
     maker = _BRepBuilderAPI.BRepBuilderAPI_MakeFace(_Geom.Geom_Plane(axes), wire.Wire(), True)
     if full and inner > 0:
         hole = _BRepBuilderAPI.BRepBuilderAPI_MakeWire(arc(inner)).Wire()
-        maker.Add(hole.Reversed())
+        hole.Reverse()
+        maker.Add(hole)
     return maker.Face()
 
 

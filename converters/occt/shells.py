@@ -116,8 +116,8 @@ def make_shell(
     Raises
     ------
     InputError
-        When shared sides differ, a side is shared twice, neighbours are turned against each other, or a patch is not
-        one that ``make_face`` takes.
+        When shared sides differ, a side is shared twice, neighbours are turned against each other, the patches do not
+        hang together, or one is not such that ``make_face`` takes it.
     KernelError
         When the kernel's own check refuses a face or the shell.
 
@@ -274,6 +274,8 @@ def shell_of(faces: Sequence[Any], free: Sequence[FreeEdge]) -> Shell:
 
     Raises
     ------
+    InputError
+        When they do not hang together.
     KernelError
         When the kernel's own check refuses it, or an edge is not used as it should be.
     """
@@ -282,6 +284,8 @@ def shell_of(faces: Sequence[Any], free: Sequence[FreeEdge]) -> Shell:
     for face in faces:
         builder.Add(shape, face)
     shape.Closed(not free)
+    if (parts := parts_of(shape)) > 1:
+        raise InputError(f"a shell needs faces that hang together, these fall into {parts} separate parts")
     uses = edge_uses(shape)
     if uses.free != len(free) or uses.wrong:
         raise KernelError(f"the shell should have {len(free)} free edges and none that is used wrongly, got {uses}")
