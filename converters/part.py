@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -147,8 +148,27 @@ def ends_of(edge: BSplineCurve | EllipseArc) -> Array:
     return np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
 
 
+@dataclass(frozen=True, eq=False)
+class Built:
+    """A shell or a solid that the kernel holds already.
+
+    Attributes
+    ----------
+    shape
+        The kernel's, in mm.
+    face_names
+        One for each of its faces, in their order.
+    splines
+        The surfaces of those faces that are splines of patches.
+    """
+
+    shape: Any
+    face_names: tuple[str, ...]
+    splines: tuple[BSplineSurface, ...]
+
+
 Single = BSplineCurve | BSplineSurface | EllipseArc
-Geometry = Single | Wire
+Geometry = Single | Wire | Built
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +181,7 @@ class Part:
         Any text, or empty.
     geometry
         A curve becomes an edge, a surface a face bounded by its whole parameter rectangle. In mm. What is read is never
-        a `Wire`: each of its edges is a part of its name.
+        a `Wire` or `Built`: each edge is a part of the wire's name, each face one of its own name.
     color
         Red, green and blue in [0, 1], the numbers that a colour picker shows (sRGB), or None. Files keep six decimals.
     source
@@ -181,7 +201,7 @@ class Part:
     Raises
     ------
     InputError
-        When the name is not a text, the geometry of none of the four kinds, or a colour out of range.
+        When the name is not a text, the geometry of none of these kinds, or a colour out of range.
     """
 
     name: str
@@ -198,9 +218,9 @@ class Part:
         geometry: object = self.geometry
         if not isinstance(name, str):
             raise InputError(f"name must be a text, got {name!r}")
-        if not isinstance(geometry, BSplineCurve | BSplineSurface | EllipseArc | Wire):
-            kind = type(geometry).__name__
-            raise InputError(f"geometry must be a BSplineCurve, BSplineSurface, EllipseArc or Wire, got {kind}")
+        if not isinstance(geometry, BSplineCurve | BSplineSurface | EllipseArc | Wire | Built):
+            kinds = "a BSplineCurve, BSplineSurface, EllipseArc, Wire or Built"
+            raise InputError(f"geometry must be {kinds}, got {type(geometry).__name__}")
         if self.color is not None:
             object.__setattr__(self, "color", _checked_color(self.color))
 

@@ -13,11 +13,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,14 +26,15 @@ from gtcad.converters.approximation import Approximation, Bundle
 from gtcad.converters.bspline import MAX_DEGREE, BSplineSurface
 from gtcad.converters.certificate import Certificate, certify_surface, deciding
 from gtcad.converters.exact import polynomial_form
-from gtcad.converters.fit import precision_floor
+from gtcad.converters.fit import Degree, precision_floor
 from gtcad.converters.search import Side, fewest
 from gtcad.errors import InputError, ToleranceBelowPrecision, ToleranceNotMet
 from gtcad.factors import RestrictedFactors, Stacked
 from gtcad.protocol import Factors, SeparableSurface
-from gtcad.quilt import Quilt, Use
+from gtcad.quilt import Quilt, Use, connected
 
 Array = NDArray[np.float64]
+_LEAST_DEGREE = 3
 _SHARE = 0.7  # of the tolerance for each direction at first: the errors of both seldom peak at one place
 _TAIL = 1e-3  # of the tolerance may go into the tails of series
 _WORST = 24  # samples of one direction that stand for all when it is combined with the other one
@@ -74,9 +73,10 @@ def fit_quilt(
     quilt: Quilt,
     *,
     tolerance: float,
-    degree: int = 5,
+    degree: Degree = 5,
     continuity: int | None = None,
     max_spans: int = 4096,
+    max_degree: int = 11,
     adapt: bool = True,
 ) -> QuiltFit:
     """B-spline surfaces of few poles within the tolerance of all patches, neighbours with identical edges.
@@ -89,11 +89,14 @@ def fit_quilt(
     tolerance
         Largest distance allowed, in the model's unit, above 0.
     degree
-        3 to 25. A strip that is polynomial in all its patches keeps their degree where that needs fewer poles.
+        3 to 25, or "auto": for every strip the degree up to ``max_degree`` that needs the fewest poles. A strip that is
+        polynomial in all its patches keeps their degree where that needs fewer.
     continuity
         Continuity at interior knots, 0 to degree - 1; degree - 1 unless given.
     max_spans
         Largest number of knot spans of a direction.
+    max_degree
+        Largest degree that "auto" takes, 3 to 25.
     adapt
         Move the knots of every strip as long as that saves poles.
 
@@ -116,15 +119,13 @@ def fit_quilt(
     >>> fit.deviation[1] <= 1e-4, bool((a.control_points[:, 0] == b.control_points[:, 0]).all())
     (True, True)
     """
-    _check(tolerance, degree, continuity, max_spans)
-    for patch in quilt.patches:
-        size = float(np.sqrt((patch.coefficients**2).sum(axis=-1)).max())
-        floor = size * precision_floor((patch.factors_u, patch.factors_v))
-        if tolerance < floor:
-            raise ToleranceBelowPrecision(tolerance, floor)
+    _check(tolerance, max_spans)
+    degrees = _degrees(degree, max_degree, continuity)
+    if tolerance < (floor := max(map(_floor, quilt.patches))):
+        raise ToleranceBelowPrecision(tolerance, floor)
     if (widest := max(quilt.gaps, default=0.0)) > tolerance:
         raise ToleranceNotMet(tolerance, widest, 0, "an edge was stated with a gap as wide as that")
-    side = partial(Side, degrees=(degree,), continuity=continuity, max_spans=max_spans)
+    side = partial(Side, degrees=degrees, continuity=continuity, max_spans=max_spans)
     strips = [_Strip(quilt, members, side, _SHARE * tolerance, adapt) for members in _members(quilt)]
     layout = _Layout(quilt, strips)
     while True:
@@ -140,44 +141,34 @@ def fit_quilt(
             raise layout.failure(tolerance, max_spans)
 
 
-def _check(tolerance: float, degree: int, continuity: int | None, max_spans: int) -> None:
+def _check(tolerance: float, max_spans: int) -> None:
     if not (tolerance > 0 and math.isfinite(tolerance)):
         raise InputError(f"tolerance must be a finite number above 0, got {tolerance}")
-    if degree not in range(3, MAX_DEGREE + 1):
-        raise InputError(f"degree must be a whole number in [3, {MAX_DEGREE}], got {degree!r}")
-    if continuity is not None and continuity not in range(degree):
-        raise InputError(f"continuity must be a whole number in [0, {degree - 1}], got {continuity!r}")
-    if max_spans < 1:
+    if not max_spans >= 1:
         raise InputError(f"max_spans must be 1 or more, got {max_spans!r}")
+
+
+def _degrees(degree: Degree, max_degree: int, continuity: int | None) -> tuple[int, ...]:
+    allowed = range(_LEAST_DEGREE, MAX_DEGREE + 1)
+    if degree == "auto" and max_degree not in allowed:
+        raise InputError(f"max_degree must be a whole number in [{_LEAST_DEGREE}, {MAX_DEGREE}], got {max_degree!r}")
+    if degree != "auto" and degree not in allowed:
+        raise InputError(f'degree must be a whole number in [{_LEAST_DEGREE}, {MAX_DEGREE}] or "auto", got {degree!r}')
+    degrees = tuple(range(_LEAST_DEGREE, max_degree + 1)) if degree == "auto" else (degree,)
+    if continuity is not None and continuity not in range(max(degrees)):
+        raise InputError(f"continuity must be a whole number in [0, {max(degrees) - 1}], got {continuity!r}")
+    return tuple(one for one in degrees if continuity is None or one > continuity)
+
+
+def _floor(patch: SeparableSurface) -> float:
+    """The least tolerance that double precision can prove."""
+    size = float(np.sqrt((patch.coefficients**2).sum(axis=-1)).max())
+    return size * precision_floor((patch.factors_u, patch.factors_v))
 
 
 _Direction = tuple[int, str]  # the patch, "u" or "v"
 _Corner = tuple[int, int, int]  # the patch, and the row and the column of its poles: 0 or -1
 _Index = slice | NDArray[np.int_]
-Node = TypeVar("Node", _Direction, _Corner)
-
-
-def _connected(nodes: Iterable[Node], links: Iterable[tuple[Node, Node, bool]]) -> list[dict[Node, bool]]:
-    """What links connect, part by part, and whether each node is turned against the first one of its part."""
-    beside: dict[Node, list[tuple[Node, bool]]] = defaultdict(list)
-    for a, b, turned in links:
-        beside[a].append((b, turned))
-        beside[b].append((a, turned))
-    parts: list[dict[Node, bool]] = []
-    seen: set[Node] = set()
-    for start in nodes:
-        if start in seen:
-            continue
-        part, queue = {start: False}, deque([start])
-        while queue:
-            here = queue.popleft()
-            for other, turned in beside[here]:
-                if other not in part:
-                    part[other] = part[here] ^ turned
-                    queue.append(other)
-        seen.update(part)
-        parts.append(part)
-    return parts
 
 
 def _members(quilt: Quilt) -> list[dict[_Direction, bool]]:
@@ -186,7 +177,7 @@ def _members(quilt: Quilt) -> list[dict[_Direction, bool]]:
     Two ways around never disagree, because the patches have one orientation.
     """
     links = [((a.patch, a.along), (b.patch, b.along), edge.reversed) for edge in quilt.edges for a, b in [edge.uses]]
-    return _connected([(patch, along) for patch in range(len(quilt.patches)) for along in "uv"], links)
+    return connected([(patch, along) for patch in range(len(quilt.patches)) for along in "uv"], links)
 
 
 class _Strip:
@@ -210,7 +201,7 @@ class _Strip:
         self.side = side(bundle, end_order=orders, polynomial=_polynomial(parts.values()))
         if self.side.most < self.side.least:
             room = f"{self.side.most} poles at most, and joins of orders {orders} at the ends take {self.side.least}"
-            raise InputError(f"max_spans = {self.side.max_spans} and degree {self.side.degrees[0]} give {room}")
+            raise InputError(f"max_spans = {self.side.max_spans} and degree up to {max(self.side.degrees)} give {room}")
         found: Approximation | None = fewest(self.side, goal, lambda one: one, adapt=adapt)
         self.chosen = found or self.side.best_of(min(self.side.max_spans, _SPANS_OF_A_FAILURE))
         poles = self.chosen.knots.poles
@@ -318,7 +309,7 @@ class _Layout:
     """The strips of every patch, and the poles that follow."""
 
     def __init__(self, quilt: Quilt, strips: Sequence[_Strip]) -> None:
-        self.quilt, self.strips = quilt, strips
+        self.quilt = quilt
         of = {key: strip for strip in strips for key in strip.members}
         self.pairs = [((of[k, "u"], (k, "u")), (of[k, "v"], (k, "v"))) for k in range(len(quilt.patches))]
         self._proofs: dict[int, tuple[BSplineSurface, Certificate]] = {}
@@ -375,8 +366,10 @@ class _Layout:
 
     def failure(self, tolerance: float, max_spans: int) -> ToleranceNotMet:
         """What is proved of the patch that is worst now."""
-        worst = max(range(len(self.pairs)), key=lambda k: self._estimate(k, tolerance))
-        certificate = certify_surface(self.quilt.patches[worst], self.splines()[worst])
+        splines = self.splines()
+        found = [one.lower for one in self.proved(splines, tolerance)]
+        worst = found.index(max(found))
+        certificate = certify_surface(self.quilt.patches[worst], splines[worst])
         spans = math.prod(strip.chosen.knots.spans for strip, _ in self.pairs[worst])
         limit = f"max_spans = {max_spans} in each direction, at {self.quilt.names[worst]}"
         return ToleranceNotMet(tolerance, certificate.upper, spans, limit)
@@ -424,4 +417,4 @@ def _vertices(quilt: Quilt) -> list[list[_Corner]]:
         later.update(second)
         links += [(a, b, False) for a, b in zip(first, second[::-1] if edge.reversed else second, strict=True)]
     corners = [(patch, i, j) for patch in range(len(quilt.patches)) for i in (0, -1) for j in (0, -1)]
-    return [list(part) for part in _connected(sorted(corners, key=later.__contains__), links)]
+    return [list(part) for part in connected(sorted(corners, key=later.__contains__), links)]

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from gtcad.basis import BERNSTEIN
+from gtcad.converters.folds import check_fold, crease
+from gtcad.converters.wall import SMOOTH, wall, wall_volume
 from gtcad.curve import Curve
 from gtcad.errors import InputError, KernelError
 from gtcad.factors import CurveOfTerms
@@ -20,11 +22,13 @@ from gtcad.protocol import SeparableSurface
 from gtcad.quilt import Quilt
 
 if TYPE_CHECKING:
-    from gtcad.converters.occt.shells import Cap, Shell
+    from gtcad.converters.occt.caps import Cap
+    from gtcad.converters.occt.shells import Shell
     from gtcad.converters.quilt_fit import QuiltFit
 
 Caps = Literal["none", "planar"]
 _RTOL = 1e-10  # of the kernel's volumes, which come with an estimate of their error
+_AREA_RTOL = 1e-6  # of the kernel's areas
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +44,12 @@ class Body:
     volume
         Of the kernel's solid, in mm^3.
     exact_volume
-        Of the exact patches with the same caps, in mm^3.
+        Of the exact patches with the same caps, or of the exact wall, in mm^3; None where it is not known.
     area
-        Of the exact patches with the same caps, in mm^2.
+        Of the exact patches with the same caps, or of the faces of a wall, in mm^2.
     deviation
         Bound of the distance of the solid's boundary from the exact one, in mm. Proved as far as it comes from a fit,
-        estimated by samples where the surfaces are offsets: see ``proved``.
+        estimated by samples where the surfaces are offsets.
     proved
         Whether the deviation is proved.
     """
@@ -53,7 +57,7 @@ class Body:
     shape: Any
     faces: Mapping[str, Any]
     volume: float
-    exact_volume: Estimate
+    exact_volume: Estimate | None
     area: Estimate
     deviation: float
     proved: bool
@@ -87,71 +91,189 @@ def solid_of(fit: QuiltFit, *, caps: Caps = "none") -> Body:
     -----
     That the surface does not cross itself is not tested.
     """
-    if caps not in ("none", "planar"):
-        raise InputError(f'caps must be "none" or "planar", got {caps!r}')
+    _check_quilt(fit.quilt, caps)
+    return _solid(fit, _oriented(fit))
+
+
+def thicken(fit: QuiltFit, thickness: float, *, tolerance: float, caps: Caps = "none") -> Body:
+    """The wall between a quilt and its offset: of an open quilt a sheet, of a closed one a hollow body.
+
+    Parameters
+    ----------
+    fit
+        In mm.
+    thickness
+        In mm, not 0: positive along the normals of the quilt (``quilt.flipped``; out of a closed one), negative against
+        them.
+    tolerance
+        Largest distance of the offset's faces from the exact offset, in mm.
+    caps
+        As of ``solid_of``: "planar" makes the closed body hollow.
+
+    Returns
+    -------
+    Body
+        Without creases between patches the offset is fitted from the exact normals; its faces are called after their
+        patches, "... offset", and those at free sides "... rim". With creases (all planar caps have them) the body must
+        be closed, and the offset is the kernel's, rounded where faces part; its faces are called "offset 1", ...
+
+    Raises
+    ------
+    InputError
+        When an argument is out of its range, or the wall folds: with the place and the limit. When the quilt is open
+        and has a crease, with the place. And as ``solid_of``.
+    ToleranceNotMet
+        When an offset cannot be fitted within the tolerance.
+    KernelError
+        When the kernel refuses a shape, its volume is not that of the exact wall within deviation times area, or its
+        offset of a body with creases is not at the distance.
+
+    Notes
+    -----
+    Folds are looked for with the exact curvatures of the patches, by dense samples and a search around the best: the
+    limit is estimated, and a margin of 1 % is kept. Not tested is whether parts of the wall that are far from each
+    other on the surface meet in space. Of offsets over creases only samples are tested, and no volume.
+    """
+    _check_positive("tolerance", tolerance)
+    _check_positive("the size of thickness", abs(thickness))
     quilt = fit.quilt
-    _check_quilt(quilt)
-    if caps == "none" and quilt.free:
-        free = ", ".join(map(quilt.label, quilt.free))
-        raise InputError(f"a solid needs a closed quilt, but these sides are free: {free}; caps can close plane loops")
+    _check_quilt(quilt, caps, open_too=True)
+    if quilt.free and caps == "planar":
+        closed = _oriented(fit)
+        check_fold(quilt, thickness, closed.flipped)
+        return _hollow(_solid(fit, closed), thickness, tolerance)
+    check_fold(quilt, thickness, quilt.flipped)
+    place = crease(quilt, SMOOTH * tolerance / abs(thickness))
+    if place is None:
+        return _smooth_wall(fit, thickness, tolerance)
+    if quilt.free:
+        raise InputError(f"an open quilt with a crease cannot be thickened: it has one {place}")
+    return _hollow(_solid(fit, _oriented(fit)), thickness, tolerance)
+
+
+def _check_positive(name: str, value: float) -> None:
+    if not 0 < value < math.inf:
+        raise InputError(f"{name} must be a positive number of mm, got {value}")
+
+
+def _smooth_wall(fit: QuiltFit, thickness: float, tolerance: float) -> Body:
+    from gtcad.converters.occt.faces import area
+    from gtcad.converters.occt.shells import make_shell, make_solid
+
+    made = wall(fit, thickness, tolerance)
+    shells = [make_shell(skin.splines, skin.edges, skin.flipped) for skin in made.skins]
+    solid = make_solid(*shells)
+    names = [name for skin in made.skins for name in skin.names]
+    faces = dict(zip(names, (face for shell in shells for face in shell.faces), strict=True))
+    surface = Estimate(value := math.fsum(map(area, faces.values())), _AREA_RTOL * value)
+    exact = wall_volume(fit.quilt, thickness)
+    held = _checked_volume(solid, exact, made.deviation * surface)
+    return Body(solid, MappingProxyType(faces), held, exact, surface, made.deviation, False)
+
+
+def _hollow(body: Body, thickness: float, tolerance: float) -> Body:
+    from gtcad.converters.occt.faces import area
     from gtcad.converters.occt.faces import volume as kernel_volume
-    from gtcad.converters.occt.shells import edge_uses, make_solid
+    from gtcad.converters.occt.pieces import ShapeKey, subshapes
+    from gtcad.converters.occt.thickening import hollow_solid
 
-    shell, made = _closed_shell(fit, quilt.flipped)
-    exact, area = _measured(quilt, quilt.flipped, made)
-    if exact < 0:
-        flipped = tuple(not flip for flip in quilt.flipped)
-        shell, made = _closed_shell(fit, flipped)
-        exact, area = _measured(quilt, flipped, made)
-    deviation = max([fit.deviation[1], *(cap.flatness for cap in made)])
-    if exact - exact.error <= deviation * area:
-        raise InputError(f"the surface encloses no volume: {exact:.3g} mm^3 within {deviation * area:.3g} mm^3")
-    solid = make_solid(shell)
-    uses = edge_uses(solid)
-    if not uses.closed:
-        raise KernelError(f"the solid must have each edge in two faces, got {uses}")
-    held = kernel_volume(solid, rtol=_RTOL)
-    check_volume(held, exact, deviation * area)
-    names = (*quilt.names, *_cap_names(quilt, len(made)))
-    faces = MappingProxyType(dict(zip(names, shell.faces, strict=True)))
-    return Body(solid, faces, float(held), exact, area, deviation, True)
+    solid, off = hollow_solid(body.shape, thickness)
+    if off > tolerance:
+        raise KernelError(
+            f"the kernel's offset by {thickness:g} mm is wrong by up to {off:.3g} mm at samples, "
+            f"more than the tolerance of {tolerance:.3g} mm: the wall may meet itself"
+        )
+    known = {ShapeKey(face): name for name, face in body.faces.items()}
+    faces = {}
+    for number, face in enumerate(subshapes(solid, "FACE"), start=1 - len(known)):
+        faces[known.get(ShapeKey(face), f"offset {number}")] = face
+    surface = Estimate(value := math.fsum(map(area, faces.values())), _AREA_RTOL * value)
+    held = float(kernel_volume(solid, rtol=_RTOL))
+    return Body(solid, MappingProxyType(faces), held, None, surface, body.deviation + off, False)
 
 
-def check_volume(held: Estimate, exact: Estimate, allowed: float) -> None:
-    """Compare volumes in mm^3.
+def _checked_volume(solid: Any, exact: Estimate, allowed: float) -> float:
+    """The kernel's volume of a solid whose edges are right too.
 
     Raises
     ------
     KernelError
-        When the kernel's volume differs from the exact one by more than is allowed.
+        When an edge is not in two faces, or the volume differs from the exact one by more than is allowed, in mm^3.
     """
+    from gtcad.converters.occt.faces import volume as kernel_volume
+    from gtcad.converters.occt.shells import edge_uses
+
+    uses = edge_uses(solid)
+    if not uses.closed:
+        raise KernelError(f"a solid must have each edge in two faces, got {uses}")
+    held = kernel_volume(solid, rtol=_RTOL)
     gap = abs(held - exact)
     if not gap <= allowed + held.error + exact.error:
         raise KernelError(
             f"the kernel's solid has the volume {float(held):.9g} mm^3, the exact surface {float(exact):.9g} mm^3: "
             f"{gap:.3g} mm^3 apart, allowed are {allowed:.3g} mm^3"
         )
+    return float(held)
 
 
-def _check_quilt(quilt: Quilt) -> None:
+# --- closed shells ----------------------------------------------------------------------------------------------------
+
+
+def _check_quilt(quilt: Quilt, caps: str, *, open_too: bool = False) -> None:
+    if caps not in ("none", "planar"):
+        raise InputError(f'caps must be "none" or "planar", got {caps!r}')
     if quilt.patches[0].dimension != 3:
         raise InputError("a solid needs patches in space, d = 3, got d = 2")
+    if quilt.free and caps == "none" and not open_too:
+        free = ", ".join(map(quilt.label, quilt.free))
+        raise InputError(f"a solid needs a closed quilt, but these sides are free: {free}; caps can close plane loops")
 
 
-def _cap_names(quilt: Quilt, count: int) -> list[str]:
-    names = (f"cap {k}" for k in range(1, count + len(quilt.names) + 1))
-    return [name for name in names if name not in quilt.names][:count]
+@dataclass(frozen=True, eq=False)
+class _Closed:
+    """A closed shell with its normals outwards, and the exact measures of what it bounds."""
+
+    shell: Shell
+    caps: tuple[Cap, ...]
+    flipped: tuple[bool, ...]
+    volume: Estimate
+    area: Estimate
 
 
-def _closed_shell(fit: QuiltFit, flipped: tuple[bool, ...]) -> tuple[Shell, tuple[Cap, ...]]:
-    from gtcad.converters.occt.shells import capped, make_shell, planar_caps
+def _oriented(fit: QuiltFit) -> _Closed:
+    closed = _closed(fit, fit.quilt.flipped)
+    return closed if closed.volume > 0 else _closed(fit, tuple(not flip for flip in fit.quilt.flipped))
+
+
+def _closed(fit: QuiltFit, flipped: tuple[bool, ...]) -> _Closed:
+    from gtcad.converters.occt.caps import capped, planar_caps
+    from gtcad.converters.occt.shells import make_shell
 
     shell = make_shell(fit.splines, fit.quilt.edges, flipped)
     caps: tuple[Cap, ...] = ()
     if shell.free:
         caps = planar_caps(shell, flatness=fit.deviation[1])
         shell = capped(shell, caps)
-    return shell, caps
+    return _Closed(shell, caps, flipped, *_measured(fit.quilt, flipped, caps))
+
+
+def _solid(fit: QuiltFit, closed: _Closed) -> Body:
+    from gtcad.converters.occt.shells import make_solid
+
+    deviation = max([fit.deviation[1], *(cap.flatness for cap in closed.caps)])
+    allowed = deviation * closed.area
+    if closed.volume - closed.volume.error <= allowed:
+        raise InputError(f"the surface encloses no volume: {closed.volume:.3g} mm^3 within {allowed:.3g} mm^3")
+    solid = make_solid(closed.shell)
+    held = _checked_volume(solid, closed.volume, allowed)
+    names = (*fit.quilt.names, *_cap_names(fit.quilt, len(closed.caps)))
+    faces = MappingProxyType(dict(zip(names, closed.shell.faces, strict=True)))
+    return Body(solid, faces, held, closed.volume, closed.area, deviation, True)
+
+
+def _cap_names(quilt: Quilt, count: int) -> list[str]:
+    names = (f"cap {k}" for k in range(1, count + len(quilt.names) + 1))
+    return [name for name in names if name not in quilt.names][:count]
 
 
 def _measured(quilt: Quilt, flipped: tuple[bool, ...], caps: tuple[Cap, ...]) -> tuple[Estimate, Estimate]:

@@ -21,6 +21,7 @@ from gtcad._entries import (
     ShapeEntry,
     Shapes,
     Strict,
+    SurfacePoint,
     Yes,
     basis_fields,
     gamma_fields,
@@ -34,6 +35,11 @@ from gtcad.errors import InputError
 from gtcad.protocol import SeparableCurve
 from gtcad.restricted import Restricted, RestrictedCurve
 
+Order = Annotated[str, Field(pattern="^[CG][0-3]$")]
+Index = Annotated[int, Field(ge=0)]
+Angle = Annotated[float, Field(ge=-checks.MAX_ANGLE, le=checks.MAX_ANGLE)]
+Length = Annotated[float, Field(gt=0)]
+Normal = Annotated[SurfacePoint | None, BeforeValidator(checks.optional(checks.point(3)))]
 _MET = Thresholds(gap=1e-10)  # in the model's unit: below 1e-7 mm in every unit
 
 
@@ -81,11 +87,11 @@ class CompositeEntry(ShapeEntry):
     pieces: list[CurveField] = Field(
         description="The curves in order, spelled out or the names of curves of this file.", min_length=1
     )
-    orders: Annotated[str | list[str], BeforeValidator(checks.orders)] = Field(
+    orders: Annotated[Order | list[Order], BeforeValidator(checks.orders)] = Field(
         description="The wanted order at each joint, C0 to C3 or G0 to G3; one text for all joints."
     )
     closed: Yes = Field(default=False, description="Whether the last piece ends where the first begins.")
-    fixed: Annotated[list[tuple[int, int]], BeforeValidator(checks.places)] = Field(
+    fixed: Annotated[list[tuple[Index, Index]], BeforeValidator(checks.places)] = Field(
         default=[], description="Pairs [piece, control point], from 0, that stay where they are."
     )
 
@@ -140,10 +146,8 @@ class CircleEntry(ShapeEntry):
 
     kind: Literal["circle"]
     center: PointField = Field(description="[x, y] or [x, y, z] in the file's unit.")
-    radius: Annotated[float, BeforeValidator(checks.positive), Field(gt=0)] = Field(description="In the file's unit.")
-    normal: Annotated[CurvePoint | None, BeforeValidator(checks.optional(checks.point(3)))] = Field(
-        default=None, description="Of its plane in space; the direction of z when left out."
-    )
+    radius: Annotated[Length, BeforeValidator(checks.positive)] = Field(description="In the file's unit.")
+    normal: Normal = Field(default=None, description="Of its plane in space; the direction of z when left out.")
 
     def build(self, shapes: Shapes) -> Composite:
         """The circle as a closed chain of quarters."""
@@ -168,10 +172,10 @@ class ArcEntry(ShapeEntry):
 
     kind: Literal["arc"]
     center: PointField = Field(description="[x, y] or [x, y, z] in the file's unit.")
-    radius: Annotated[float | None, BeforeValidator(checks.optional(checks.positive)), Field(gt=0)] = Field(
+    radius: Annotated[Length | None, BeforeValidator(checks.optional(checks.positive))] = Field(
         default=None, description="Of an arc of a circle, in the file's unit."
     )
-    normal: Annotated[CurvePoint | None, BeforeValidator(checks.optional(checks.point(3)))] = Field(
+    normal: Normal = Field(
         default=None, description="Of the circle's plane in space; the direction of z when left out."
     )
     axis_a: Annotated[CurvePoint | None, BeforeValidator(checks.optional(checks.point(2, 3)))] = Field(
@@ -180,7 +184,7 @@ class ArcEntry(ShapeEntry):
     axis_b: Annotated[CurvePoint | None, BeforeValidator(checks.optional(checks.point(2, 3)))] = Field(
         default=None, description="The half axis, or conjugate half diameter, at 90 degrees."
     )
-    angles: Annotated[tuple[float, float], BeforeValidator(checks.angles)] = Field(
+    angles: Annotated[tuple[Angle, Angle], BeforeValidator(checks.angles)] = Field(
         description="The first and the last angle in degrees, at most 360 apart; the greater one first runs backwards."
     )
 

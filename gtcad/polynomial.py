@@ -21,10 +21,10 @@ from gtcad.protocol import Factors, SeparableCurve
 
 Array = NDArray[np.float64]
 
-MAX_COUNT = 191  # coefficients of a polynomial: as many as a certificate can take
+MAX_COUNT = 512  # coefficients of a polynomial
 _ROUNDING = 16 * UNIT_ROUNDOFF  # of the largest coefficient: coefficients as small are rounding
 _PLATEAU = 1e-11  # of the largest: coefficients as small are rounding where they decrease no more
-_STEPS = (17, 33, 65, 129, 193)
+_STEPS = (17, 33, 65, 129, 257, 513)
 _OVERFLOWS = 709.0  # the exponential of more is no float
 _NODES = 32  # values on a span
 _NODE_ROUNDING = 1 + 1e-7  # nodes are rounded by a unit or two: by Markov's inequality less than that
@@ -37,7 +37,7 @@ class Polynomials:
     Parameters
     ----------
     coefficients
-        a, finite, shape (count, degree + 1), the degree at most 190.
+        a, finite, shape (count, degree + 1), the degree at most 511.
 
     Examples
     --------
@@ -136,13 +136,17 @@ def _values(t: Array, count: int) -> Array:
     return np.asarray(values)
 
 
-@lru_cache(maxsize=512)
 def _derivation(count: int) -> Array:
     """Matrix from the coefficients of a series to those of its derivative by t, shape (count, max(count - 1, 1)).
 
     With z = 2 t - 1, ``T_j'(z) = 2 j sum T_k(z)`` over the k < j with j - k odd, that of k = 0 halved.
     """
-    matrix = np.zeros((count, max(count - 1, 1)))
+    return _derivations(1 << count.bit_length())[:count, : max(count - 1, 1)]
+
+
+@lru_cache(maxsize=16)
+def _derivations(count: int) -> Array:
+    matrix = np.zeros((count, count))
     for j in range(1, count):
         matrix[j, (j - 1) % 2 : j : 2] = 4.0 * j
     matrix[:, 0] /= 2

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict, deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +25,7 @@ from gtcad.measure import Estimate, area, volume
 from gtcad.protocol import SeparableSurface
 
 Array = NDArray[np.float64]
+Node = TypeVar("Node", bound=Hashable)
 
 SIDES = ("u0", "u1", "v0", "v1")
 """The sides of a patch: u = 0, u = 1 (curves in v), v = 0, v = 1 (curves in u)."""
@@ -222,12 +224,15 @@ class Quilt:
 
         The first patch of each connected part stays as it is, unless the part is closed: then its volume is positive.
         """
-        turned, parts = self._oriented
-        for part in parts if self.patches[0].dimension == 3 else ():
-            inside = not any(use.patch in part for use in self.free)
-            if inside and math.fsum(-self._volumes[k] if turned[k] else self._volumes[k] for k in part) < 0:
-                turned = tuple(turn ^ (k in part) for k, turn in enumerate(turned))
-        return turned
+        open_patches = {use.patch for use in self.free}
+        turned = {}
+        for part in self._oriented:
+            inside = self.patches[0].dimension == 3 and open_patches.isdisjoint(part)
+            inwards = (
+                inside and math.fsum(-self._volumes[k] if turn else self._volumes[k] for k, turn in part.items()) < 0
+            )
+            turned.update({k: turn ^ inwards for k, turn in part.items()})
+        return tuple(turned[k] for k in range(len(self.patches)))
 
     def area(self) -> Estimate:
         """Sum of the areas of the patches, in the square of the model's unit."""
@@ -298,32 +303,52 @@ class Quilt:
         return tuple(volume(patch, origin=centre) for patch in self.patches)
 
     @cached_property
-    def _oriented(self) -> tuple[tuple[bool, ...], tuple[frozenset[int], ...]]:
-        """Which patches are turned over against the first one of their connected part, and these parts."""
-        beside: dict[int, list[tuple[int, SharedEdge]]] = defaultdict(list)
+    def _oriented(self) -> list[dict[int, bool]]:
+        """The connected parts: which patches are turned over against the first one of their part."""
+        links = [(edge.first.patch, edge.second.patch, edge.turns) for edge in self.edges]
+        parts = connected(range(len(self.patches)), links)
+        turned = {patch: turn for part in parts for patch, turn in part.items()}
         for edge in self.edges:
-            beside[edge.first.patch].append((edge.second.patch, edge))
-            beside[edge.second.patch].append((edge.first.patch, edge))
-        turned: dict[int, bool] = {}
-        parts = []
-        for start in range(len(self.patches)):
-            if start in turned:
-                continue
-            turned[start] = False
-            queue, part = deque([start]), {start}
-            while queue:
-                patch = queue.popleft()
-                for other, edge in beside[patch]:
-                    wanted = turned[patch] ^ edge.turns
-                    if other not in turned:
-                        turned[other] = wanted
-                        queue.append(other)
-                        part.add(other)
-                    elif turned[other] != wanted:
-                        labels = f"{self.label(edge.first)} and {self.label(edge.second)}"
-                        raise InputError(f"the patches are not orientable: their sides disagree at {labels}")
-            parts.append(frozenset(part))
-        return tuple(turned[k] for k in range(len(self.patches))), tuple(parts)
+            if edge.turns != turned[edge.first.patch] ^ turned[edge.second.patch]:
+                labels = f"{self.label(edge.first)} and {self.label(edge.second)}"
+                raise InputError(f"the patches are not orientable: their sides disagree at {labels}")
+        return parts
+
+
+def connected(nodes: Iterable[Node], links: Iterable[tuple[Node, Node, bool]]) -> list[dict[Node, bool]]:
+    """What links connect, part by part.
+
+    Parameters
+    ----------
+    nodes
+        All nodes; a part begins with the first of its nodes.
+    links
+        Pairs of nodes, and whether one of the two is turned against the other.
+
+    Returns
+    -------
+    list of dict
+        For each node of a part whether it is turned against the first one, by the first way that was found.
+    """
+    beside: dict[Node, list[tuple[Node, bool]]] = defaultdict(list)
+    for a, b, turned in links:
+        beside[a].append((b, turned))
+        beside[b].append((a, turned))
+    parts: list[dict[Node, bool]] = []
+    seen: set[Node] = set()
+    for start in nodes:
+        if start in seen:
+            continue
+        part, queue = {start: False}, deque([start])
+        while queue:
+            here = queue.popleft()
+            for other, turned in beside[here]:
+                if other not in part:
+                    part[other] = part[here] ^ turned
+                    queue.append(other)
+        seen.update(part)
+        parts.append(part)
+    return parts
 
 
 def _check_patches(patches: tuple[SeparableSurface, ...], names: tuple[str, ...]) -> None:

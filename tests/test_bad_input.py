@@ -31,6 +31,14 @@ SURFACE: dict[str, Any] = {
     "kind": "surface",
     "control_points": [[[i, j, i * j] for j in range(3)] for i in range(3)],
 }
+NEXT = CURVE | {"name": "next", "control_points": [[2, 0], [3, -1], [4, 0]]}
+CHAIN: dict[str, Any] = {"name": "rail", "kind": "composite", "orders": "G1", "pieces": ["arch", "next"]}
+CIRCLE: dict[str, Any] = {"name": "ring", "kind": "circle", "center": [0, 0, 5], "radius": 30}
+ELLIPSE: dict[str, Any] = {"name": "oval", "kind": "ellipse", "center": [0, 0], "axis_a": [3, 0], "axis_b": [0, 1]}
+ARC: dict[str, Any] = {"name": "bow", "kind": "arc", "center": [0, 0], "radius": 12, "angles": [0, 90]}
+PARABOLA: dict[str, Any] = {"name": "vault", "kind": "parabola", "control_points": [[0, 0], [1, 2], [2, 0]]}
+NEXT_PART = {"range": [0, 0.5], "control_points": NEXT["control_points"]}
+NEXT_FREE = {"gamma": [-1, 0], "control_points": [[2, 0], [3, 1], [4, 0]]}
 EXPORT = ["export", "model.json", "-o", "out.step", "--tolerance", "1e-4"]
 CHECK = ["check", "out.step", "--against", "model.json", "--tolerance", "1e-4"]
 
@@ -66,6 +74,10 @@ def model(*shapes: Mapping[str, Any], **head: Any) -> dict[str, bytes]:
 
 def wrong_model(what: str, *shapes: Mapping[str, Any], **head: Any) -> Case:
     return Case(what, EXPORT, 3, model(*shapes, **head))
+
+
+def wrong_chain(what: str, *others: Mapping[str, Any], **fields: Any) -> Case:
+    return wrong_model(what, CURVE, NEXT, *others, CHAIN | fields)
 
 
 def wrong_text(what: str, content: bytes, name: str = "model.json") -> Case:
@@ -107,7 +119,7 @@ GROUPS: dict[str, list[Case]] = {
     ],
     "Model files: shapes": [
         wrong_model("no kind", {"name": "arch"}),
-        wrong_model("an unknown kind", CURVE | {"kind": "circle"}),
+        wrong_model("an unknown kind", CURVE | {"kind": "spiral"}),
         wrong_model("no control points", {"name": "arch", "kind": "curve"}),
         wrong_model("an unknown field", CURVE | {"gama": [0, 0]}),
         wrong_model("a field of another kind", CURVE | {"gamma_u": [0, 0]}),
@@ -147,6 +159,52 @@ GROUPS: dict[str, list[Case]] = {
         wrong_model("a net of two rows", SURFACE | {"control_points": SURFACE["control_points"][:2]}),
         wrong_model("a list of points for a surface", SURFACE | {"control_points": CURVE["control_points"]}),
         wrong_model("a hundred mistakes", CURVE | {"control_points": [["x", "y"] for _ in range(50)]}),
+    ],
+    "Model files: chains": [
+        wrong_chain("a piece that the file does not have", pieces=["arch", "nexxt"]),
+        wrong_chain("a chain that is a piece of itself", pieces=["arch", "rail"]),
+        wrong_chain(
+            "two chains that are pieces of each other", CHAIN | {"name": "b", "pieces": ["rail"]}, pieces=["b"]
+        ),
+        wrong_chain("a chain as a piece", CHAIN | {"name": "b"}, pieces=["b", "next"]),
+        wrong_chain("a surface as a piece", SURFACE, pieces=["roof", "next"]),
+        wrong_chain(
+            "a plane piece and one in space", pieces=["arch", {"control_points": [[2, 0, 0], [3, 1, 1], [4, 0, 1]]}]
+        ),
+        wrong_chain("a number as a piece", pieces=["arch", 7]),
+        wrong_chain("a mistake in a piece", pieces=["arch", {"gamma": [0, 2], "control_points": [[2, 0], [3, 1]]}]),
+        wrong_chain("no pieces", pieces=[]),
+        wrong_chain("an unknown order", orders="G4"),
+        wrong_chain("an unknown order of one joint", orders=["smooth"]),
+        wrong_chain("two orders for one joint", orders=["G1", "G1"]),
+        wrong_chain("one order too few for a closed chain", orders=["G1"], closed=True),
+        wrong_chain("closed in words", closed="yes"),
+        wrong_chain("a joint of an order that a piece has too few control points for", orders="G3"),
+        wrong_chain("a design variable that leaves a joint undetermined", pieces=["arch", NEXT_FREE]),
+        wrong_chain(
+            "joints between control points that are all fixed", fixed=[[k, i] for k in range(2) for i in range(3)]
+        ),
+        wrong_chain("a joint beside a part of a curve, which cannot move", pieces=["arch", NEXT_PART]),
+        wrong_chain("a control point to be fixed that there is not", fixed=[[0, 3]]),
+        wrong_chain("a control point to be fixed without its piece", fixed=[1]),
+        wrong_chain("construction in words", construction="yes"),
+    ],
+    "Model files: conics": [
+        wrong_model("a circle without a radius", {key: CIRCLE[key] for key in ("name", "kind", "center")}),
+        wrong_model("a radius of zero", CIRCLE | {"radius": 0}),
+        wrong_model("a centre of one coordinate", CIRCLE | {"center": [5]}),
+        wrong_model("a normal without direction", CIRCLE | {"normal": [0, 0, 0]}),
+        wrong_model("a normal of a plane circle", CIRCLE | {"center": [0, 0], "normal": [0, 0, 1]}),
+        wrong_model("control points of a circle", CIRCLE | {"control_points": [[0, 0], [1, 1], [2, 0]]}),
+        wrong_model("parallel axes", ELLIPSE | {"axis_b": [6, 0]}),
+        wrong_model("axes of a plane ellipse in space", ELLIPSE | {"axis_a": [3, 0, 0], "axis_b": [0, 1, 0]}),
+        wrong_model("an arc of no size", {key: ARC[key] for key in ("name", "kind", "center", "angles")}),
+        wrong_model("a radius and axes", ARC | {"axis_a": [3, 0], "axis_b": [0, 1]}),
+        wrong_model("an arc of no length", ARC | {"angles": [30, 30]}),
+        wrong_model("more than a turn", ARC | {"angles": [0, 400]}),
+        wrong_model("an angle in words", ARC | {"angles": [0, "right"]}),
+        wrong_model("a parabola of three points on a line", PARABOLA | {"control_points": [[0, 0], [1, 1], [2, 2]]}),
+        wrong_model("a parabola of four points", PARABOLA | {"control_points": [[0, 0], [1, 2], [2, 2], [3, 0]]}),
     ],
     "Files": [
         Case("a model that is not there", EXPORT, 3),
@@ -204,6 +262,7 @@ GROUPS: dict[str, list[Case]] = {
         wrong_option("two models", "info", "model.json", "model.json", names="model.json"),
     ],
     "What cannot be done": [
+        Case("shapes for construction only", EXPORT, 3, model(CURVE | {"construction": True})),
         Case("a curve that is one point", EXPORT, 3, model(CURVE | {"control_points": [[1, 1]] * 3})),
         Case(
             "a surface that is only a curve",
@@ -261,8 +320,9 @@ def test_no_case_is_listed_twice() -> None:
 
 def test_the_models_that_the_cases_change_are_good(tmp_path: Path) -> None:
     path = tmp_path / "model.json"
-    path.write_bytes(model(CURVE, SURFACE)["model.json"])
-    assert list(gtcad.load_model(path)) == ["arch", "roof"]
+    good = (CURVE, SURFACE, NEXT, CHAIN, CIRCLE, ELLIPSE, ARC, PARABOLA)
+    path.write_bytes(model(*good)["model.json"])
+    assert list(gtcad.load_model(path)) == [shape["name"] for shape in good]
     (tmp_path / "model.toml").write_bytes(TOML)
     assert list(gtcad.load_model(tmp_path / "model.toml")) == ["arch"]
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from gtcad import BERNSTEIN, Curve, Restricted
 from gtcad.basis import Basis
-from gtcad.chebyshev import transform
+from gtcad.chebyshev import nodes, transform
 from gtcad.converters import fit_curve
 from gtcad.factors import CurveOfTerms, RestrictedFactors, Stacked, Waves
 from gtcad.polynomial import MAX_COUNT, Polynomials, Spanned, chopped, derivative_rounding, resolved
@@ -28,7 +28,6 @@ def random_polynomials(seed, degree=40, decay=0.8):
 def exact(polynomials, t, order):
     """Derivatives by the power series of T_j, at many digits."""
     with mp.workdps(120):
-        monomials = [mp.mpf(0)] * 0
         total = [mp.mpf(0)] * polynomials.count
         before, now = [mp.mpf(1)], [mp.mpf(-1), mp.mpf(2)]  # in powers of t
         for j in range(polynomials.degree + 1):
@@ -76,7 +75,8 @@ def test_bounds_of_derivatives_hold(seed, degree, order):
 def test_the_bound_of_a_single_function_is_attained():
     ends = Polynomials(np.eye(9)[8:])  # T_8, whose derivatives are largest at the ends
     for order in range(9):
-        assert abs(ends.rows(np.ones(1), order))[0, 0] == pytest.approx(ends.derivative_bound(order), rel=1e-12)
+        largest = abs(ends.rows(np.ones(1), order))[0, 0]
+        assert largest <= ends.derivative_bound(order) <= largest * (1 + 1e-11)
 
 
 def test_bounds_of_high_degrees_are_no_nonsense():
@@ -116,8 +116,6 @@ def test_a_curve_of_polynomials_is_fitted_and_proved():
 
 def samples(function):
     def series(count):
-        from gtcad.chebyshev import nodes
-
         return function((nodes(count) + 1) / 2)[None] @ transform(count).T
 
     return series
@@ -127,7 +125,7 @@ def test_functions_are_resolved_to_rounding():
     whole, kept = resolved(samples(np.exp))
     assert kept.shape[1] <= 16
     assert np.array_equal(whole[:, : kept.shape[1]], kept)
-    assert abs(Polynomials(kept).rows(T) - np.exp(T)).max() <= 2e-15
+    assert abs(Polynomials(kept).rows(T) - np.exp(T)).max() <= 4e-15  # 16 units of the largest coefficient, 1.75
     runge = resolved(samples(lambda t: 1 / (1 + 100 * (t - 0.5) ** 2)))[1]  # poles at 1/2 +- i/10
     assert abs(Polynomials(runge).rows(T) - 1 / (1 + 100 * (T - 0.5) ** 2)).max() <= 1e-13
 

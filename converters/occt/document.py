@@ -24,7 +24,7 @@ _COLOR_DIGITS = 6  # the kernel keeps colours in single precision
 
 @dataclass(frozen=True)
 class Item:
-    """A shape with the name and the colour that a file gives it.
+    """A shape with the name and the colour that a file gives it, and perhaps names for its faces in their order.
 
     `originals` holds the B-splines that the file spells out, when the kernel may have moved the last bits of this one.
     """
@@ -32,6 +32,7 @@ class Item:
     shape: Any
     name: str
     color: Color | None = None
+    face_names: tuple[str, ...] = ()
     originals: tuple[Spline, ...] = ()
 
 

@@ -9,13 +9,19 @@ from typing import Any
 
 import gtcad
 from gtcad.converters.occt.compat import kernel_module
+from gtcad.converters.occt.document import Item
 from gtcad.converters.occt.originals import protect
 from gtcad.converters.part import Color
+from gtcad.errors import KernelError
 
 _APIHeaderSection = kernel_module("APIHeaderSection")
 _IGESGraph = kernel_module("IGESGraph")
 _StepBasic = kernel_module("StepBasic")
 _TCollection = kernel_module("TCollection")
+
+
+_ALONE = ("StepShape_AdvancedFace", "StepShape_GeometricCurveSet")
+_BODIES = ("StepShape_ManifoldSolidBrep", "StepShape_BrepWithVoids", "StepShape_ShellBasedSurfaceModel")
 
 
 def _text(value: str) -> Any:
@@ -25,40 +31,59 @@ def _text(value: str) -> Any:
 # --- STEP -------------------------------------------------------------------------------------------------------------
 
 
-def finish_step_entities(entities: Iterable[Any], colors: Sequence[Color | None], timestamp: datetime) -> list[str]:
+def finish_step_entities(
+    entities: Iterable[Any], items: Sequence[Item], timestamp: datetime
+) -> tuple[list[str], list[str]]:
     """Name what carries a name, and keep out what the kernel takes from the clock, the machine and the user.
 
     Parameters
     ----------
     entities
-        All of a model, in which each part begins with its product.
-    colors
-        Of each part.
+        All of a model, in which each item begins with its product and has its faces in order.
+    items
+        With their colours, and the names of the faces of shells and solids.
     timestamp
         Goes into creation dates.
 
     Returns
     -------
-    list of str
-        The entities that give the parts their colours, to be added to the printed file.
+    styles
+        The entities that give the items their colours, to be added to the printed file.
+    names
+        What the marks ``@000000000@``, ``@000000001@``, ... that were set as names stand for.
+
+    Raises
+    ------
+    KernelError
+        When a shell or solid has not as many faces as names.
     """
     part, number = -1, 0
+    names = [item.name for item in items]
+    face_names: list[list[str]] = [list(item.face_names) for item in items]
     targets: dict[int, tuple[int, bool]] = {}
     contexts: dict[int, int] = {}
     for number, entity in enumerate(entities, start=1):
         kind = type(entity).__name__
         part += kind == "StepBasic_Product"
         protect(entity)
-        _finish_step_entity(entity, kind, f"@{part:09d}@", timestamp)
-        if kind in ("StepShape_AdvancedFace", "StepShape_GeometricCurveSet"):
-            targets[part] = number, kind == "StepShape_AdvancedFace"
+        mark = part
+        if kind == "StepShape_AdvancedFace" and items[part].face_names:
+            if not face_names[part]:
+                raise KernelError(f"{items[part].name!r} has more faces than names")
+            mark = len(names)
+            names.append(face_names[part].pop(0))
+        _finish_step_entity(entity, kind, f"@{mark:09d}@", timestamp)
+        if kind in (_BODIES if part >= 0 and items[part].face_names else _ALONE):
+            targets.setdefault(part, (number, kind != "StepShape_GeometricCurveSet"))
         elif kind.endswith("_GeomRepContextAndGlobUnitAssCtxAndGlobUncertaintyAssCtx"):
             contexts[part] = number
+    if any(face_names):
+        raise KernelError("a shape has fewer faces than names")
     styles: list[str] = []
-    for i, color in enumerate(colors):
-        if color is not None:
-            styles += _style(number + len(styles) + 1, *targets[i], contexts[i], color)
-    return styles
+    for i, item in enumerate(items):
+        if item.color is not None:
+            styles += _style(number + len(styles) + 1, *targets[i], contexts[i], item.color)
+    return styles, names
 
 
 def _style(first: int, target: int, is_face: bool, context: int, color: Color) -> list[str]:

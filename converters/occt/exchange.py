@@ -29,7 +29,7 @@ from gtcad.converters.occt.originals import Spline, iges_originals, protect, res
 from gtcad.converters.occt.pieces import edge_geometry, face_geometry, is_periodic_spline, is_valid, pieces
 from gtcad.converters.occt.session import READING_IGES, READING_STEP, quiet, session, writing_iges, writing_step
 from gtcad.converters.occt.topology import TOLERANCE, make_edge, make_face, make_wire
-from gtcad.converters.part import EllipseArc, Geometry, Part, TrimmedFace, Wire
+from gtcad.converters.part import Built, EllipseArc, Geometry, Part, TrimmedFace, Wire
 from gtcad.errors import FileError, InputError, KernelError
 
 _BRep = kernel_module("BRep")
@@ -82,10 +82,10 @@ def step_bytes(items: Sequence[Item], *, schema: Schema, tolerance: float, times
         if not writer.Transfer(labels, _STEPControl.STEPControl_AsIs):
             raise KernelError("the kernel cannot write these shapes to STEP")
         model = writer.ChangeWriter().Model()
-        styles = finish_step_entities(_entities(model, 0), [item.color for item in items], timestamp)
+        styles, names = finish_step_entities(_entities(model, 0), items, timestamp)
         set_step_header(model, timestamp)
         data = _printed(_StepData.StepData_StepWriter(model), _StepAP214.Protocol_s())
-    return with_names(with_styles(data, styles), [item.name for item in items])
+    return with_names(with_styles(data, styles), names)
 
 
 def _entities(model: Any, done: int) -> Iterator[Any]:
@@ -304,10 +304,13 @@ def _item(i: int, part: Part, halved_ellipses: bool) -> Item:
         shape = _shape(geometry)
     except (InputError, KernelError) as error:
         raise type(error)(f"part {i} ({part.name!r}): {error}") from error
-    return Item(shape, part.name, part.color)
+    names = tuple(f"{part.name}.{name}" for name in geometry.face_names) if isinstance(geometry, Built) else ()
+    return Item(shape, part.name, part.color, names)
 
 
 def _shape(geometry: Geometry) -> Any:
+    if isinstance(geometry, Built):
+        return geometry.shape
     if isinstance(geometry, Wire):
         return make_wire(geometry)
     return make_face(geometry) if isinstance(geometry, BSplineSurface) else make_edge(geometry)

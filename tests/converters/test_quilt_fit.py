@@ -78,6 +78,7 @@ QUILTS: dict[str, Callable[[], list[SeparableSurface]]] = {
     "mixed kinds": mixed_seam,
     "Coons patch": coons,
     "two tubes": lambda: [*torus(40, 10), Rotation(circle(3, 80), *AXIS, 200)],
+    "plane sheet": lambda: [patch.transformed(np.eye(2, 3)) for patch in sheet(np.random.default_rng(2), (2, 2), 1)[0]],
     "one patch": lambda: list(sheet(np.random.default_rng(3), (1, 1), 1)[0]),
 }
 
@@ -98,8 +99,8 @@ def assert_no_gaps(fit: QuiltFit) -> None:
     for use in fit.quilt.collapsed:
         poles = fit.splines[use.patch].boundary(use.side).control_points
         assert (poles == poles[0]).all()
-    corners = np.concatenate([spline.control_points[::len(spline.control_points) - 1, [0, -1]].reshape(-1, 3)
-                              for spline in fit.splines])  # fmt: skip
+    nets = [spline.control_points for spline in fit.splines]
+    corners = np.concatenate([net[[0, 0, -1, -1], [0, -1, 0, -1]] for net in nets])
     size = np.abs(corners).max()
     for corner in corners:
         near = corners[np.linalg.norm(corners - corner, axis=1) < 1e-6 * size]
@@ -307,22 +308,37 @@ def test_degrees(degree: int) -> None:
     assert_proved(fit, 1e-4)
 
 
+def test_the_degree_that_needs_the_fewest_poles() -> None:
+    quilt = Quilt.recognised(random_box(1))
+    fit = fit_quilt(quilt, tolerance=1e-6, degree="auto", max_degree=9)
+    assert_no_gaps(fit)
+    assert_proved(fit, 1e-6)
+    assert max(max(spline.degree_u, spline.degree_v) for spline in fit.splines) <= 9
+    counts = {
+        degree: sum(one.control_points.size for one in fit_quilt(quilt, tolerance=1e-6, degree=degree).splines)
+        for degree in (3, 5)
+    }
+    assert sum(one.control_points.size for one in fit.splines) < min(counts.values())
+
+
 def test_bad_arguments_are_refused() -> None:
     quilt = Quilt.recognised(torus(4, 1))
     for tolerance in (0, -1, np.inf, np.nan):
         with pytest.raises(InputError, match="tolerance must be a finite number above 0"):
             fit_quilt(quilt, tolerance=tolerance)
     for degree in (2, 26, 3.5):
-        with pytest.raises(InputError, match=r"degree must be a whole number in \[3, 25\]"):
+        with pytest.raises(InputError, match=r"degree must be a whole number in \[3, 25\] or"):
             fit_quilt(quilt, tolerance=1, degree=degree)  # type: ignore[arg-type]
     for continuity in (-1, 5):
         with pytest.raises(InputError, match=r"continuity must be a whole number in \[0, 4\]"):
             fit_quilt(quilt, tolerance=1, continuity=continuity)
+    with pytest.raises(InputError, match=r"max_degree must be a whole number in \[3, 25\], got 26"):
+        fit_quilt(quilt, tolerance=1, degree="auto", max_degree=26)
     with pytest.raises(InputError, match="max_spans must be 1 or more, got 0"):
         fit_quilt(quilt, tolerance=1, max_spans=0)
     smooth = Quilt.recognised(torus(4, 1), order="C3")
     with pytest.raises(
-        InputError, match=r"max_spans = 1 and degree 5 give 6 poles at most, and joins of orders \(3, 3\)"
+        InputError, match=r"max_spans = 1 and degree up to 5 give 6 poles at most, and joins of orders \(3, 3\)"
     ):
         fit_quilt(smooth, tolerance=1, max_spans=1)
 
