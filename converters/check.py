@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +13,13 @@ from gtcad._entries import ModelShape
 from gtcad.composite import Composite
 from gtcad.converters.bspline import BSplineSurface
 from gtcad.converters.chain_check import Joint, check_chain
-from gtcad.converters.part import MEETING, Part, Wire, ends_of
+from gtcad.converters.part import MEETING, Built, Part, Wire, ends_of
+from gtcad.converters.quilt_check import check_quilt
 from gtcad.converters.verdicts import Row, compared, joined
 from gtcad.errors import InputError
 from gtcad.protocol import SeparableSurface, Shape
+from gtcad.quilt import Quilt
+from gtcad.solid import Solid
 
 Array = NDArray[np.float64]
 
@@ -68,10 +72,14 @@ def check_parts(parts: Sequence[Part], shapes: Mapping[str, ModelShape], toleran
         if isinstance(shape, Composite):
             pieces, between, left = check_chain(name, _in_space(shape), found, tolerance)
             joints += between
+        elif isinstance(shape, Quilt | Solid):
+            pieces, between = check_quilt(name, shape, found, tolerance)
+            joints += between
+            left = []
         else:
             pieces, left = [_row(name, shape, found[0] if found else None, tolerance)], []
         claimed |= {id(part) for part in found} - {id(part) for part in left}
-        by_name = all(part.name == name for part in found)
+        by_name = all(part.name == name or part.name.startswith(f"{name}.") for part in found)
         rows += (
             pieces if by_name else [replace(row, remark=joined("matched by position", row.remark)) for row in pieces]
         )
@@ -82,17 +90,27 @@ def check_parts(parts: Sequence[Part], shapes: Mapping[str, ModelShape], toleran
 def _matched(parts: Sequence[Part], shapes: Mapping[str, ModelShape]) -> dict[str, list[Part]]:
     """By name first; a name that several parts bear is all a chain's, and else the first one's."""
     matches: dict[str, list[Part]] = {}
+    bodies = [name for name, shape in shapes.items() if isinstance(shape, Quilt | Solid)]
     for part in parts:
-        if part.name in shapes and (part.name not in matches or isinstance(shapes[part.name], Composite)):
-            matches.setdefault(part.name, []).append(part)
+        name = part.name if part.name in shapes else next((b for b in bodies if part.name.startswith(f"{b}.")), "")
+        if name and (name not in matches or isinstance(shapes[name], Composite | Quilt | Solid)):
+            matches.setdefault(name, []).append(part)
     claimed = {id(part) for found in matches.values() for part in found}
     for surfaces in (False, True):
         left = [part for part in parts if id(part) not in claimed and _is_surface(part) == surfaces]
         for name, shape in shapes.items():
-            if name not in matches and left and isinstance(shape, SeparableSurface) == surfaces:
-                count = _edge_count(left, shape) if isinstance(shape, Composite) else 1
+            is_surface = isinstance(shape, SeparableSurface | Quilt | Solid)
+            if name not in matches and left and is_surface == surfaces:
+                count = _face_count(left) if isinstance(shape, Quilt | Solid) else 1
+                count = _edge_count(left, shape) if isinstance(shape, Composite) else count
                 matches[name], left = left[:count], left[count:]
     return matches
+
+
+def _face_count(parts: Sequence[Part]) -> int:
+    """How many of the faces, from the first on, are of one body."""
+    body = parts[0].body
+    return 1 if body is None else sum(1 for _ in takewhile(lambda part: part.body is body, parts))
 
 
 def _edge_count(parts: Sequence[Part], chain: Composite) -> int:
@@ -110,7 +128,7 @@ def _gap(a: Part, b: Part) -> float:
 
 
 def _ends(part: Part) -> Array:
-    assert not isinstance(part.geometry, BSplineSurface | Wire)
+    assert not isinstance(part.geometry, BSplineSurface | Wire | Built)
     return ends_of(part.geometry)
 
 

@@ -14,15 +14,18 @@ from numpy.typing import NDArray
 from gtcad._entries import ModelShape
 from gtcad.composite import Composite
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
-from gtcad.converters.part import EllipseArc, Geometry, Part, Single, Wire
+from gtcad.converters.part import Built, EllipseArc, Geometry, Part, Single, Wire
 from gtcad.errors import InputError, ModelError, ToleranceBelowPrecision, ToleranceNotMet
 from gtcad.model import Model
 from gtcad.protocol import SeparableCurve, SeparableSurface, Shape
+from gtcad.quilt import Quilt
 from gtcad.restricted import RestrictedCurve, RestrictedSurface
+from gtcad.solid import Solid
 
 if TYPE_CHECKING:
     from gtcad.converters.fit import Fit
     from gtcad.converters.occt.exchange import Schema
+    from gtcad.converters.quilt_fit import QuiltFit
 
 Array = NDArray[np.float64]
 
@@ -38,9 +41,11 @@ class Fitted:
     geometry
         What files hold of it, in mm; None when the tolerance cannot be met.
     deviation
-        (lower, upper) in mm, the upper one proved.
+        (lower, upper) in mm.
     exact
         Whether the geometry is the shape itself, up to rounding.
+    proved
+        Whether the upper bound is proved: always, but for the offset faces of walls, which are estimated.
     error
         Why there is no geometry; empty when there is one.
     """
@@ -49,6 +54,7 @@ class Fitted:
     geometry: Geometry | None
     deviation: tuple[float, float] = (0.0, math.inf)
     exact: bool = False
+    proved: bool = True
     error: str = ""
 
     def as_data(self) -> dict[str, Any]:
@@ -63,12 +69,15 @@ class Fitted:
             "rational": any(getattr(edge, "weights", None) is not None for edge in _pieces(self.geometry)),
             "deviation": list(self.deviation),
             "exact": self.exact,
+            "proved": self.proved,
             "entity": self.entity,
         }
 
     @property
     def entity(self) -> str:
-        """What a file holds of it: "circle", "ellipse", "b_spline", or "wire" for several edges."""
+        """What a file holds of it: "circle", "ellipse", "b_spline", "wire" for several edges, "shell" or "solid"."""
+        if isinstance(self.geometry, Built):
+            return self.geometry.kind
         if isinstance(self.geometry, Wire):
             return "wire"
         if isinstance(self.geometry, EllipseArc):
@@ -84,7 +93,8 @@ def fit_shapes(shapes: Mapping[str, ModelShape], settings: Mapping[str, Any]) ->
     shapes
         By name, in mm.
     settings
-        The keyword arguments of `fit_curve`, `fit_chain` and `fit_surface`.
+        The keyword arguments of `fit_curve`, `fit_chain` and `fit_surface`; of those, quilts and solids take what
+        `fit_quilt` takes.
     """
     for name, shape in shapes.items():
         try:
@@ -103,8 +113,42 @@ def _fitted(name: str, shape: ModelShape, settings: Mapping[str, Any]) -> Fitted
         return Fitted(name, geometry, chain.deviation, chain.exact)
     if isinstance(shape, SeparableCurve):
         return _with_arc(name, shape, fit_curve(shape, **settings))
+    if isinstance(shape, Quilt | Solid):
+        return _built(name, shape, settings)
     fit = fit_surface(shape, **settings)
     return Fitted(name, fit.spline, fit.deviation, fit.exact)
+
+
+def _built(name: str, shape: Quilt | Solid, settings: Mapping[str, Any]) -> Fitted:
+    """The shell or the solid of a quilt, which the kernel makes at once: its faces share edges."""
+    from gtcad.converters.occt.shells import make_shell
+    from gtcad.converters.solid import solid_of, thicken
+
+    quilt = shape.quilt if isinstance(shape, Solid) else shape
+    fit = _fitted_quilt(quilt, settings)
+    if not isinstance(shape, Solid):
+        shell = make_shell(fit.splines, quilt.edges, quilt.flipped)
+        return Fitted(name, Built("shell", shell.shape, quilt.names, fit.splines), fit.deviation)
+    if shape.thickness is None:
+        body = solid_of(fit, caps=shape.caps)
+    else:
+        body = thicken(fit, shape.thickness, tolerance=settings["tolerance"], caps=shape.caps)
+    built = Built("solid", body.shape, tuple(body.faces), fit.splines)
+    return Fitted(name, built, (fit.deviation[0], body.deviation), proved=body.proved)
+
+
+def _fitted_quilt(quilt: Quilt, settings: Mapping[str, Any]) -> QuiltFit:
+    """A degree of "auto" is the one with the fewest poles by cached operators."""
+    from gtcad.converters.quilt_fit import fit_quilt
+
+    taken = {key: settings[key] for key in ("tolerance", "continuity", "max_spans", "adapt") if key in settings}
+    if settings.get("degree") != "auto":
+        return fit_quilt(quilt, degree=settings.get("degree", 5), **taken)
+    tried = (
+        fit_quilt(quilt, degree=degree, **taken | {"adapt": False}) for degree in range(3, settings["max_degree"] + 1)
+    )
+    best = min(tried, key=lambda fit: sum(math.prod(one.control_points.shape[:2]) for one in fit.splines))
+    return fit_quilt(quilt, degree=best.splines[0].degree_u, **taken)
 
 
 def _with_arc(name: str, shape: SeparableCurve, fit: Fit[Any, Any]) -> Fitted:
@@ -223,13 +267,24 @@ def describe_model(model: Model) -> dict[str, Any]:
 
 
 def _has_control_points(shape: ModelShape) -> bool:
-    return isinstance(shape, Composite) or hasattr(_whole(shape), "control_points")
+    return all(hasattr(_whole(piece), "control_points") for piece in _parts(shape))
+
+
+def _parts(shape: ModelShape) -> tuple[Shape, ...]:
+    """The curves or patches that a shape is made of."""
+    if isinstance(shape, Solid):
+        return shape.quilt.patches
+    if isinstance(shape, Quilt):
+        return shape.patches
+    return shape.pieces if isinstance(shape, Composite) else (shape,)
 
 
 def _points(shape: ModelShape) -> Array:
     """Control points, or points of what has none."""
-    if isinstance(shape, Composite):
-        return np.concatenate([_points(piece) for piece in shape.pieces])
+    return np.concatenate([_points_of(piece) for piece in _parts(shape)])
+
+
+def _points_of(shape: Shape) -> Array:
     if _has_control_points(shape):
         return np.asarray(_whole(shape).control_points).reshape(-1, shape.dimension)
     line = np.linspace(0.0, 1.0, 129)
@@ -238,19 +293,23 @@ def _points(shape: ModelShape) -> Array:
 
 
 def _shape_data(name: str, shape: ModelShape) -> dict[str, Any]:
+    pieces = _parts(shape)
+    families = dict.fromkeys(family for piece in pieces for family in _families(_whole(piece)))
+    counts = [list(getattr(_whole(piece), "control_points", np.empty(1)).shape[:-1]) for piece in pieces]
+    kind, part, joints = type(_whole(pieces[0])).__name__.lower(), None, []
     if isinstance(shape, Composite):
-        families = [family for piece in shape.pieces for family in _families(_whole(piece))]
-        counts = [len(piece.coefficients) for piece in shape.pieces]
-        kind, part = "closed composite" if shape.closed else "composite", None
-        degrees = sorted({count - 1 for count in counts})
-        joints = list(shape.orders)
-    else:
-        whole = _whole(shape)
-        families, counts = _families(whole), list(getattr(whole, "control_points", np.empty(1)).shape[:-1])
-        kind = type(whole).__name__.lower()
-        part = None if whole is shape else shape.range  # type: ignore[union-attr]
-        degrees, joints = [count - 1 for count in counts], []
-    fields = {"families": list(dict.fromkeys(families)), "degree": degrees, "poles": counts}
+        kind, joints = "closed composite" if shape.closed else "composite", list(shape.orders)
+    elif isinstance(shape, Quilt | Solid):
+        quilt = shape.quilt if isinstance(shape, Solid) else shape
+        kind, joints = type(shape).__name__.lower(), [edge.order for edge in quilt.edges]
+    elif isinstance(shape, RestrictedCurve | RestrictedSurface):
+        part = shape.range
+    several = len(pieces) > 1
+    fields = {
+        "families": list(families),
+        "degree": sorted({n - 1 for count in counts for n in count}) if several else [n - 1 for n in counts[0]],
+        "poles": [math.prod(count) for count in counts if count] if several else counts[0],
+    }
     return {"name": name, "kind": kind, **fields, "range": part, "joints": joints}
 
 
@@ -293,10 +352,10 @@ def _part_data(part: Part) -> dict[str, Any]:
 
 
 def sizes(geometry: Geometry) -> tuple[list[int], list[int]]:
-    """The numbers of poles and the degrees of the directions; none of an ellipse; those of the edges of a wire."""
-    if isinstance(geometry, Wire):
-        found = [sizes(edge) for edge in geometry.edges]
-        return [n for poles, _ in found for n in poles], sorted({n for _, degrees in found for n in degrees})
+    """The numbers of poles and the degrees of the directions: none of an ellipse; of each piece of a wire or body."""
+    if isinstance(geometry, Wire | Built):
+        found = [sizes(piece) for piece in _pieces(geometry)]
+        return [math.prod(poles) for poles, _ in found], sorted({n for _, degrees in found for n in degrees})
     if isinstance(geometry, EllipseArc):
         return [], []
     if isinstance(geometry, BSplineCurve):
@@ -305,6 +364,8 @@ def sizes(geometry: Geometry) -> tuple[list[int], list[int]]:
 
 
 def _pieces(geometry: Geometry) -> tuple[Single, ...]:
+    if isinstance(geometry, Built):
+        return geometry.splines
     return geometry.edges if isinstance(geometry, Wire) else (geometry,)
 
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
 from gtcad.errors import InputError
+from gtcad.measure import Estimate
 
 Array = NDArray[np.float64]
 Color = tuple[float, float, float]
@@ -149,11 +150,35 @@ def ends_of(edge: BSplineCurve | EllipseArc) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
+class BodyFacts:
+    """What is known of the shell or solid that a face was read from.
+
+    Attributes
+    ----------
+    kind
+        "shell" or "solid".
+    closed
+        Whether each edge is in two faces, or a seam, or one point.
+    valid
+        The verdict of the kernel's BRepCheck.
+    volume
+        Measures it, in mm^3, with an estimate of the error.
+    """
+
+    kind: str
+    closed: bool
+    valid: bool
+    volume: Callable[[], Estimate]
+
+
+@dataclass(frozen=True, eq=False)
 class Built:
     """A shell or a solid that the kernel holds already.
 
     Attributes
     ----------
+    kind
+        "shell" or "solid".
     shape
         The kernel's, in mm.
     face_names
@@ -162,6 +187,7 @@ class Built:
         The surfaces of those faces that are splines of patches.
     """
 
+    kind: str
     shape: Any
     face_names: tuple[str, ...]
     splines: tuple[BSplineSurface, ...]
@@ -197,6 +223,9 @@ class Part:
         Read parts: the verdict of the kernel's BRepCheck.
     face
         Read faces that are trimmed: what only the kernel can measure of them.
+    body
+        Read faces: the shell or solid that they belong to, one object for all its faces; None for faces that stand
+        alone.
 
     Raises
     ------
@@ -212,6 +241,7 @@ class Part:
     reversed: bool = False
     valid: bool = True
     face: TrimmedFace | None = None
+    body: BodyFacts | None = None
 
     def __post_init__(self) -> None:
         name: object = self.name

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -180,13 +181,15 @@ def _hollow(body: Body, thickness: float, tolerance: float) -> Body:
     solid, off = hollow_solid(body.shape, thickness)
     if off > tolerance:
         raise KernelError(
-            f"the kernel's offset by {thickness:g} mm is wrong by up to {off:.3g} mm at samples, "
-            f"more than the tolerance of {tolerance:.3g} mm: the wall may meet itself"
+            f"the kernel's offset by {thickness:g} mm is wrong by up to {off:.3g} mm at samples, more "
+            f"than the tolerance of {tolerance:.3g} mm: the wall meets itself, or the kernel is less exact at edges"
         )
     known = {ShapeKey(face): name for name, face in body.faces.items()}
-    faces = {}
-    for number, face in enumerate(subshapes(solid, "FACE"), start=1 - len(known)):
-        faces[known.get(ShapeKey(face), f"offset {number}")] = face
+    numbers = itertools.count(1)
+    faces = {
+        known.get(ShapeKey(face)) or f"offset {next(numbers)}": face
+        for face in sorted(subshapes(solid, "FACE"), key=lambda face: ShapeKey(face) not in known)
+    }
     surface = Estimate(value := math.fsum(map(area, faces.values())), _AREA_RTOL * value)
     held = float(kernel_volume(solid, rtol=_RTOL))
     return Body(solid, MappingProxyType(faces), held, None, surface, body.deviation + off, False)

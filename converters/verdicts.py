@@ -21,7 +21,7 @@ from gtcad.converters.bspline import BSplineCurve, BSplineSurface
 from gtcad.converters.certificate import Certificate, certify_curve, certify_surface, deciding
 from gtcad.converters.exact import IDENTITY, ParameterMap, exact_map
 from gtcad.converters.nearest import PointSet, distances, grid, is_farther
-from gtcad.converters.part import EllipseArc, Part, TrimmedFace, Wire
+from gtcad.converters.part import Built, EllipseArc, Part, TrimmedFace, Wire
 from gtcad.protocol import Factors, SeparableCurve, SeparableSurface, Shape
 from gtcad.restricted import RestrictedCurve, RestrictedSurface
 
@@ -203,7 +203,7 @@ def _point_set(shape: Shape) -> PointSet:
 
 def _point_set_of(part: Part) -> PointSet:
     geometry = part.geometry
-    assert not isinstance(geometry, Wire)
+    assert not isinstance(geometry, Wire | Built)
     if isinstance(geometry, EllipseArc):
         return _point_set(curve_of_arc(geometry))
     if isinstance(geometry, BSplineCurve):

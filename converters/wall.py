@@ -202,7 +202,7 @@ def _strips(quilt: Quilt) -> list[set[tuple[int, str]]]:
 
 def _uniform(spans: int) -> tuple[Array, tuple[int, ...], int]:
     """Knots, multiplicities and degree; knots of a power of two spans are exact, mirrored too."""
-    return np.asarray(np.arange(spans + 1) / spans), (_DEGREE + 1, *[1] * (spans - 1), _DEGREE + 1), _DEGREE
+    return np.linspace(0, 1, spans + 1), (_DEGREE + 1, *[1] * (spans - 1), _DEGREE + 1), _DEGREE
 
 
 def _interpolation(spans: int) -> tuple[Array, Array, Array]:
@@ -210,7 +210,7 @@ def _interpolation(spans: int) -> tuple[Array, Array, Array]:
     knots, multiplicities, degree = _uniform(spans)
     flat = np.repeat(knots, multiplicities)
     greville = _greville(flat, degree)
-    return flat, greville, np.linalg.inv(_design(flat, greville))
+    return flat, greville, np.asarray(np.linalg.inv(_design(flat, greville)))
 
 
 def _greville(flat: Array, degree: int) -> Array:

@@ -113,7 +113,7 @@ class CompositeEntry(ShapeEntry):
         joints = len(pieces) - (0 if self.closed else 1)
         orders = [self.orders] * joints if isinstance(self.orders, str) else self.orders
         drawn = Composite(tuple(pieces), tuple(orders), self.closed)
-        fixed = checked_places(pieces, self.fixed)
+        fixed = checked_places("fixed", pieces, self.fixed)
         problem = drawn.unmet(thresholds=_MET)
         if not problem:
             return drawn

@@ -105,7 +105,7 @@ def export_row(shape: Mapping[str, Any]) -> list[str]:
     """Name, poles, degree, deviation and form of a fitted shape."""
     if "error" in shape:
         return [shape["name"], "-", "-", "-", "failed"]
-    form = "exact" if shape["exact"] else "fitted"
+    form = "exact" if shape["exact"] else "fitted" if shape["proved"] else "estimated"
     if shape["entity"] != "b_spline":
         form += f" {shape['entity']}"
     degree, poles = _sizes(shape)
@@ -173,11 +173,18 @@ def model_row(shape: Mapping[str, Any]) -> list[str]:
     """Name, kind, degree, poles, colour and remark of a shape of a model."""
     remark = "" if shape["range"] is None else f"part {json.dumps(shape['range'])}"
     if shape["joints"]:
-        remark = f"joints {', '.join(shape['joints'])}"
+        remark = "joints " + ", ".join(_counted(shape["joints"]))
     if shape["construction"]:
         remark = ", ".join(filter(None, ("construction", remark)))
     kind = f"{'/'.join(shape['families'])} {shape['kind']}".strip()
     return [shape["name"], kind, *_columns(shape), remark]
+
+
+def _counted(joints: Sequence[str]) -> list[str]:
+    """Orders in a row, those of many joints with their number: "G2", "3 C0"."""
+    if len(joints) <= 4:
+        return list(joints)
+    return [f"{count} {order}" for order, count in Counter(joints).items()]
 
 
 def part_row(shape: Mapping[str, Any]) -> list[str]:
@@ -195,6 +202,8 @@ def _sizes(shape: Mapping[str, Any]) -> list[str]:
     """Degree and poles: of both directions of a surface, or of the pieces of a chain."""
     if "composite" in shape.get("kind", "") or shape.get("entity") == "wire":
         return [",".join(map(str, shape["degree"])) or "-", "+".join(map(str, shape["poles"])) or "-"]
+    if shape.get("kind") in ("quilt", "solid") or shape.get("entity") in ("shell", "solid"):
+        return [",".join(map(str, shape["degree"])) or "-", str(sum(shape["poles"])) if shape["poles"] else "-"]
     return [product(shape["degree"]) or "-", product(shape["poles"]) or "-"]
 
 

@@ -137,7 +137,7 @@ class Composite:
         equal bit for bit.
         """
         drawn = Composite(tuple(pieces), tuple(orders), closed)
-        system = _System(drawn, checked_places(drawn.pieces, fixed))
+        system = _System(drawn, checked_places("fixed", drawn.pieces, fixed))
         return system.chain(system.best_scales(_checked_scales(drawn.orders, scales)))
 
     @property
@@ -215,7 +215,7 @@ class Composite:
         """
         curves = _designed(self.pieces)
         given = (piece, 0 if control_point is None else control_point)
-        ((piece, first),) = checked_places(curves, [given])
+        ((piece, first),) = checked_places("touched", curves, [given])
         moved = {(piece, k) for k in (range(curves[piece].degree + 1) if control_point is None else (first,))}
         reaches = [self._reach(joint) for joint in range(len(self.orders))]
         joints: set[int] = set()
@@ -260,7 +260,9 @@ def _designed(pieces: Sequence[SeparableCurve]) -> tuple[Curve, ...]:
     return curves
 
 
-def checked_places(pieces: Sequence[SeparableCurve], places: Sequence[tuple[int, int]]) -> tuple[tuple[int, int], ...]:
+def checked_places(
+    name: str, pieces: Sequence[SeparableCurve], places: Sequence[tuple[int, int]]
+) -> tuple[tuple[int, int], ...]:
     """(piece, control point) pairs that a chain has.
 
     Raises
@@ -270,15 +272,13 @@ def checked_places(pieces: Sequence[SeparableCurve], places: Sequence[tuple[int,
     """
     for place in places:
         if not (isinstance(place, Sequence) and len(place) == 2 and all(map(is_whole, place))):
-            raise InputError(
-                f"a place in a chain must be a pair (piece, control point) of whole numbers, got {place!r}"
-            )
+            raise InputError(f"{name}: (piece, control point) must be a pair of whole numbers, got {place!r}")
         piece, control_point = place
         if not 0 <= piece < len(pieces):
-            raise InputError(f"there is no piece {piece}: the pieces are 0 to {len(pieces) - 1}")
+            raise InputError(f"{name}: there is no piece {piece}, the last one is {len(pieces) - 1}")
         last = len(pieces[int(piece)].coefficients) - 1
         if not 0 <= control_point <= last:
-            raise InputError(f"there is no control point {control_point} of piece {piece}: its last one is {last}")
+            raise InputError(f"{name}: there is no control point {control_point} of piece {piece}, its last is {last}")
     return tuple((int(piece), int(control_point)) for piece, control_point in places)
 
 
@@ -324,7 +324,10 @@ class _System:
         rows = np.zeros((2, count, self.offsets[-1]))
         for side, (piece, t) in enumerate(((before, 1.0), (after, 0.0))):
             basis = self.curves[piece].factors
-            Start.of(basis if side else self.curves[piece].reversed().factors, count - 1)
+            try:
+                Start.of(basis if side else self.curves[piece].reversed().factors, count - 1)
+            except SingularJoin as error:
+                raise SingularJoin(f"joint {joint}, piece {piece}: {error.reason}", error.conditioning) from None
             where = slice(self.offsets[piece], self.offsets[piece + 1])
             rows[side, :, where] = [basis.derivative(t, r) for r in range(count)]
         return rows

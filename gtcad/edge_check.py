@@ -95,9 +95,9 @@ class EdgeReport:
     proved
         Whether ``gap``, ``residuals`` and ``parametric_jumps`` are bounds (shapes of the protocol); estimated from
         samples otherwise, like all others always.
-    order
-        "C3" to "C0" or "G1" to "G3": the highest order within the thresholds, C before G at equal orders; "none" when
-        the gap is too wide.
+    parametric_order, geometric_order
+        The highest k of C^k by ``parametric_jumps``, and of G^k by the angle and the curvatures, within the
+        thresholds; -1 when the gap is too wide. C^k is G^k as well.
     """
 
     gap: Bounds
@@ -111,14 +111,22 @@ class EdgeReport:
     places: tuple[float, float, float, float]
     reversed: bool
     proved: bool
-    order: str
+    parametric_order: int
+    geometric_order: int
+
+    @property
+    def order(self) -> str:
+        """The highest order, "C3" to "C0" or "G1" to "G3", C before G at equal orders; "none" with too wide a gap."""
+        if self.parametric_order < 0:
+            return "none"
+        if self.parametric_order >= self.geometric_order:
+            return f"C{self.parametric_order}"
+        return f"G{self.geometric_order}"
 
     def meets(self, order: str) -> bool:
         """Whether the join is of that order: C^k counts as G^k too."""
-        if self.order == "none":
-            return False
         kind, wanted = parsed_order(order)
-        return int(self.order[1]) >= wanted and (kind == "G" or self.order[0] == "C" or wanted == 0)
+        return self.parametric_order >= wanted or (kind == "G" and self.geometric_order >= wanted)
 
 
 def check_edge(
@@ -188,7 +196,7 @@ def check_edge(
     limits = (math.radians(thresholds.angle_deg), thresholds.curvature, thresholds.curvature_rate)
     parametric = _reached(jumps, tuple(max(limit, _ROWS_DIFFER) for limit in limits))
     geometric = _reached(figures, (thresholds.angle_deg, *limits[1:]))
-    order = f"C{parametric}" if parametric >= geometric else f"G{geometric}"  # C^k implies G^k
+    touch = gap[1] <= thresholds.gap
     return EdgeReport(
         gap=gap,
         scale=scale,
@@ -201,7 +209,8 @@ def check_edge(
         places=tuple(before.parameter(p) for p in (at_gap, *(float(y[k]) for k in places))),  # type: ignore[arg-type]
         reversed=after.backwards,
         proved=bound is _proved,
-        order=order if gap[1] <= thresholds.gap else "none",
+        parametric_order=parametric if touch else -1,
+        geometric_order=geometric if touch else -1,
     )
 
 
@@ -381,10 +390,13 @@ def _proved(before: _Side, after: _Side, weights: Array) -> tuple[Bounds, float]
 @lru_cache(maxsize=128)
 def _resolved(kept: KeyedFactors) -> tuple[int, float]:
     """Chebyshev zeros on [0, 1] for which the tail is negligible, and the tail."""
-    for count in range(2, _MOST_NODES):
-        tail = interpolation_tail(0.5, count, kept.factors.derivative_bound(count))
-        if tail <= _NEGLIGIBLE:
-            return count, tail
+    try:
+        for count in range(2, _MOST_NODES):
+            tail = interpolation_tail(0.5, count, kept.factors.derivative_bound(count))
+            if tail <= _NEGLIGIBLE:
+                return count, tail
+    except OverflowError:
+        pass
     raise InputError(f"the functions along the edge are not resolved by {_MOST_NODES} Chebyshev points")
 
 

@@ -21,10 +21,10 @@ from gtcad.protocol import Factors, SeparableCurve
 
 Array = NDArray[np.float64]
 
-MAX_COUNT = 512  # coefficients of a polynomial
+MAX_COUNT = 191  # coefficients of a polynomial: as many as a certificate can take on one span
 _ROUNDING = 16 * UNIT_ROUNDOFF  # of the largest coefficient: coefficients as small are rounding
 _PLATEAU = 1e-11  # of the largest: coefficients as small are rounding where they decrease no more
-_STEPS = (17, 33, 65, 129, 257, 513)
+_STEPS = (17, 33, 65, 129, 193)
 _OVERFLOWS = 709.0  # the exponential of more is no float
 _NODES = 32  # values on a span
 _NODE_ROUNDING = 1 + 1e-7  # nodes are rounded by a unit or two: by Markov's inequality less than that
@@ -37,7 +37,7 @@ class Polynomials:
     Parameters
     ----------
     coefficients
-        a, finite, shape (count, degree + 1), the degree at most 511.
+        a, finite, shape (count, degree + 1), the degree at most 190.
 
     Examples
     --------
@@ -111,7 +111,7 @@ class Polynomials:
             count = series.shape[1]
             # a product of non-negative matrices bounds what each derivation adds: `size` is at |series| or above it
             lost = order * (self.degree / 2 + 4) * UNIT_ROUNDOFF * float(size.sum())
-            units = 8.0 * np.arange(count) + count + 4  # of T_j, and of the products with it and their sum
+            units = 11.0 * np.arange(count) + count + 4  # of T_j, and of the products with it and their sum
             found.append((float(np.abs(series).sum()) + lost, UNIT_ROUNDOFF * float((size @ units).sum()) + lost))
             step = _derivation(count) / (2 * (order + 1))
             series, size = series @ step, size @ step
@@ -125,15 +125,20 @@ class Polynomials:
 
 
 def _values(t: Array, count: int) -> Array:
-    """T_j(2 t - 1) for j < count, shape (count, t.size), each at most 8 j + 2 units off.
+    """T_j(2 t - 1) for j < count, shape (count, t.size), each at most 11 j units off.
 
-    The angle is taken from the nearer end, where it is small: 5 units of it, at most pi/2, for root, arcsine, product.
+    T_j is the cosine of j times an angle, taken from the nearer end, where it is small: 5 units of it, at most pi/2,
+    for root and arcsine, 3 of cosine and sine, and 3 for each complex product.
     """
     near = t <= 0.5
     angle = 2 * np.arcsin(np.sqrt(np.clip(np.where(near, t, 1 - t), 0.0, 0.5)))
-    values = np.cos(np.arange(count)[:, None] * angle)
-    values[1::2, near] *= -1
-    return np.asarray(values)
+    turn = np.cos(angle) + 1j * np.sin(angle)
+    turn[near] = -turn[near].conj()
+    power, values = np.ones(t.shape, complex), np.ones((count, t.size))
+    for j in range(1, count):
+        power *= turn
+        values[j] = power.real
+    return values
 
 
 def _derivation(count: int) -> Array:
@@ -155,7 +160,7 @@ def _derivations(count: int) -> Array:
 
 
 def resolved(series_with: Callable[[int], Array]) -> tuple[Array, Array] | None:
-    """The first of ever longer series of which the last quarter is rounding: whole, and without that; None if none is.
+    """The first of ever longer series of which the last eighth is rounding: whole, and without that; None if none is.
 
     Parameters
     ----------
@@ -167,9 +172,9 @@ def resolved(series_with: Callable[[int], Array]) -> tuple[Array, Array] | None:
         sizes = np.linalg.norm(series, axis=0)
         eighth = step // 8
         before, last = float(sizes[-2 * eighth : -eighth].max()), float(sizes[-eighth:].max())
-        level = max(before, last)
-        if level <= _ROUNDING * sizes.max() or level <= min(4 * last, _PLATEAU * sizes.max()):
-            return series, chopped(series, 2 * level)
+        plateau = max(before, last) <= min(4 * last, _PLATEAU * sizes.max())
+        if plateau or last <= _ROUNDING * sizes.max():
+            return series, chopped(series, 2 * last)
     return None
 
 

@@ -69,7 +69,8 @@ class SharedEdge:
     reversed
         Whether the second one's parameter runs backwards.
     order
-        The order of continuity across the edge that a conversion is to keep: "C0" to "C3", "G1" to "G3".
+        The order of continuity across the edge that a conversion is to keep: "C0" to "C3", "G1" to "G3". Whether the
+        patches have it is not looked at.
     """
 
     first: Use
@@ -169,7 +170,8 @@ class Quilt:
         Notes
         -----
         Curves are compared at more Chebyshev nodes than their factors together are many; they agree when no two
-        points differ by more than 1e-12 of the largest coordinate. The cost is that of sorting the sides.
+        points differ by more than 1e-12 of the largest coordinate; closed curves must begin at one point. The cost is
+        that of sorting the sides.
         """
         surfaces = tuple(patches)
         labels = tuple(f"patch {k + 1}" for k in range(len(surfaces))) if names is None else tuple(names)

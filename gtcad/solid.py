@@ -28,8 +28,8 @@ class Solid:
     caps
         "planar": each loop of free edges is closed by a plane face; "none": the quilt is closed, or thickened.
     thickness
-        Of the wall, in the model's unit: positive towards the side that normals point to (outwards of a closed quilt),
-        negative to the other one. None for a full body.
+        Of a wall, in the model's unit: positive towards the side that normals point to (outwards of a closed quilt),
+        negative to the other one. With caps the body is hollow. None for a full body.
 
     Raises
     ------
@@ -46,14 +46,11 @@ class Solid:
             raise InputError(f'caps must be "none" or "planar", got {self.caps!r}')
         if self.quilt.patches[0].dimension != 3:
             raise InputError("a solid needs patches in space, d = 3, got d = 2")
-        if self.thickness is None:
-            if self.caps == "none" and self.quilt.free:
-                free = ", ".join(map(self.quilt.label, self.quilt.free))
-                raise InputError(f"the quilt must be closed, capped or thickened; these sides are free: {free}")
-        elif not (math.isfinite(self.thickness) and self.thickness != 0):
+        if self.thickness is None and self.caps == "none" and self.quilt.free:
+            free = ", ".join(map(self.quilt.label, self.quilt.free))
+            raise InputError(f"the quilt must be closed, capped or thickened; these sides are free: {free}")
+        if self.thickness is not None and not (math.isfinite(self.thickness) and self.thickness != 0):
             raise InputError(f"thickness must be a finite number other than 0, got {self.thickness}")
-        elif self.caps != "none":
-            raise InputError("a wall has no caps: give a thickness or caps, not both")
 
     @property
     def dimension(self) -> int:

@@ -100,6 +100,7 @@ ORDER = [
     "gtcad.converters.doctor",
     "gtcad.converters.verdicts",
     "gtcad.converters.chain_check",
+    "gtcad.converters.quilt_check",
     "gtcad.converters.check",
     "gtcad.converters.jobs",
     "gtcad.converters.report",

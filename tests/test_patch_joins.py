@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from gtcad import BERNSTEIN, GT, Curve, Restricted, Surface, differential
 from gtcad.basis import Basis
-from gtcad.continuity import Start, Thresholds, chain_rule, check_join, join_curve
+from gtcad.continuity import Start, Thresholds, check_join, join_curve
 from gtcad.converters import fit_surface
 from gtcad.converters.bspline import BSplineSurface
 from gtcad.edge_check import SIDES, SeparableSide
@@ -23,7 +23,6 @@ from tests import pieces
 
 ORDERS = ("C1", "C2", "C3", "G1", "G2", "G3")
 OPPOSITE = {"u0": "u1", "u1": "u0", "v0": "v1", "v1": "v0"}
-LINE = Curve([[0, 0, 0], [1, 0, 0]], family=BERNSTEIN)
 SQUARE = Surface([[[0, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0]]], family_u=BERNSTEIN, family_v=BERNSTEIN)
 
 
@@ -40,11 +39,10 @@ class Case:
 
 
 def well_determined(old, side, basis, order):
-    """Whether neither the new rows nor the old derivatives lose digits."""
+    """Whether neither the new rows nor the old derivatives lose digits, as they do near a vanishing tangent."""
     across = old.factors_u if side[0] == "u" else old.factors_v
-    gamma = across.gamma if side[1] == "0" else across.gamma[::-1]
-    starts = (Start.of(basis, order), Start.of(Basis(across.degree, gamma, across.family), 1))
-    return min(min(start.conditioning) for start in starts) > 0.05
+    tangents = np.abs(across.derivative(float(side[1]))).max(), np.abs(basis.derivative(0.0)).max()
+    return min(*tangents, *Start.of(basis, order).conditioning) > 0.05
 
 
 def random_basis(rng, least=1):
@@ -57,7 +55,8 @@ def random_case(rng, order, side):
     """A patch, and one joined to it with random rows."""
     kind, k = order[0], int(order[1])
     u, v = random_basis(rng), random_basis(rng)
-    net = pieces.random_surface(rng, (u.degree, v.degree), 100.0).control_points
+    net = rng.normal(0, 10, (u.count, v.count, 3))
+    net[..., :2] += np.stack(np.meshgrid(np.linspace(0, 100, u.count), np.linspace(0, 80, v.count), indexing="ij"), -1)
     old = Surface(net, u.gamma, v.gamma, u.family, v.family)
     new = random_basis(rng, k)
     scale = (1.0, 0.0, 0.0)
@@ -84,9 +83,9 @@ def assert_joined(case):
     assert report.meets(case.order)
 
 
-@pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("order", ORDERS)
-@given(seed=st.integers(0, 10**9))
+@given(seed=st.integers(0, 10**9), side=st.sampled_from(SIDES))
+@settings(max_examples=12)
 def test_neighbours_join_along_the_whole_edge(order, side, seed):
     case = random_case(np.random.default_rng(seed), order, side)
     assume(case is not None)
@@ -190,17 +189,12 @@ def test_other_shapes_are_continued_where_they_have_a_basis_along_the_edge():
 
 
 def test_plane_patches_join():
-    old = Surface([[[0, 0], [0, 1], [0, 2]], [[1, 0], [1, 1], [1, 2]], [[2, 0], [2, 1], [2, 2]]])
-    new = join_patch(
-        old,
-        "v1",
-        3,
-        order="G2",
-        scale=(2.0, 0.0, 0.0),
-        rest=[[[0, 9]], [[1, 9]], [[2, 9]]][:0] or [[[0, 9], [1, 9], [2, 9]]],
-    )
+    old = Surface(pieces.random_surface(np.random.default_rng(2), (3, 2), 1.0).control_points[..., :2])
+    new = join_patch(old, "v1", 2, order="G1", scale=(2.0, 0.0, 0.0), rest=[[[x, 3] for x in (0, 0.3, 0.6, 1)]])
     assert new.dimension == 2
-    assert check_edge(old, "v1", new, "v0").order == "G3"  # in a plane all joins of tangents are
+    report = check_edge(old, "v1", new, "v0")
+    assert (report.parametric_order, report.geometric_order) == (0, 3)  # nothing bends
+    assert report.residuals[0] < 1e-13
 
 
 @pytest.mark.parametrize(
@@ -208,7 +202,7 @@ def test_plane_patches_join():
     [(2, (-1.0, 0.3), "G1"), (2, (0.3, 1.0), "G2"), (3, (-1.0, 1.0), "C2"), (2, (0.1, 0.2), "C3"), (4, (-1, 1), "C3")],
 )
 def test_undetermined_rows_are_refused(degree, gamma, order):
-    old = pieces.surfaces()["patch"] if "patch" in pieces.surfaces() else next(iter(pieces.surfaces().values()))
+    old = pieces.random_surface(np.random.default_rng(1), (3, 3), 1.0)
     with pytest.raises(SingularJoin, match=f"degree {degree}") as caught:
         join_patch(old, "u1", degree, order=order, gamma=gamma)
     assert caught.value.conditioning < 1e-10
@@ -247,7 +241,7 @@ def test_bad_arguments_of_a_join(options, message):
 
 
 @pytest.mark.parametrize("side", SIDES)
-@pytest.mark.parametrize("order", ("G1", "G2", "G3", "C2"))
+@pytest.mark.parametrize("order", ["G1", "G2", "G3", "C2"])
 def test_a_wanted_patch_that_joins_stays(order, side):
     rng = np.random.default_rng(13)
     old = Surface(pieces.random_surface(rng, (4, 3), 100.0).control_points, (0.1, -0.4), (0.6, 0.2))
@@ -264,7 +258,9 @@ def test_a_wanted_patch_that_joins_stays(order, side):
 def test_no_other_scale_factors_come_nearer():
     rng = np.random.default_rng(14)
     old = Surface(pieces.random_surface(rng, (4, 3), 100.0).control_points, (0.1, -0.4), (0.6, 0.2))
-    wanted = Surface(pieces.random_surface(rng, (5, 3), 100.0).control_points + [100, 0, 0], (0.2, 0.1), old.gamma_v)
+    rest = rng.normal(0, 30, (3, 4, 3)) + [150, 40, 0]
+    close = join_patch(old, "u1", 5, order="G2", gamma=(0.2, 0.1), scale=(0.9, 0.5, 0), rest=rest)
+    wanted = Surface(close.control_points + rng.normal(0, 2, close.control_points.shape), close.gamma_u, old.gamma_v)
     found, scale = join_patch_nearest(old, "u1", wanted, "G2")
     assert check_edge(old, "u1", found, "u0").order == "G2"
     np.testing.assert_array_equal(found.control_points[3:], wanted.control_points[3:])
@@ -347,7 +343,7 @@ def test_sheets_join_along_every_interior_edge_stress(order):
 
 
 def test_a_sheet_around_a_vertex_built_patch_by_patch_closes():
-    """With one set of factors for each line the fourth patch follows from either neighbour: the vertex is consistent."""
+    """With one set of factors for each line the fourth patch follows from either neighbour."""
     rng = np.random.default_rng(4)
     corner = Surface(pieces.random_surface(rng, (3, 4), 10.0).control_points, (0.1, 0.3), (-0.2, 0.4))
     lines = {"u1": ((1.3, 0.4, -0.2), (0.2, -0.5)), "v1": ((0.8, -0.3, 0.5), (-0.1, 0.6))}
@@ -433,7 +429,7 @@ def test_a_cylinder_and_the_plane_that_touches_it(radius):
     assert report.order == "G1"
     assert report.proved
     assert report.curvature_jump * report.curvature == pytest.approx(1 / radius, rel=1e-12)
-    assert report.residuals[0] < 1e-14
+    assert report.residuals[0] < 1e-13
     assert report.residuals[1] > 0.1
 
 
@@ -473,8 +469,6 @@ def test_octants_of_a_sphere():
 
 @pytest.mark.parametrize("angle", [1e-5, 0.3, 90.0, 135.0, 179.0])
 def test_the_angle_of_two_planes(angle):
-    turned = Rotation(LINE, [0, 0, 0], [1, 0, 0], 1.0)  # any patch along the x axis would do
-    assert turned.dimension == 3
     t = math.radians(angle)
     other = Surface(
         [[[1, 0, 0], [1, 1, 0]], [[1 + math.cos(t), 0, math.sin(t)], [1 + math.cos(t), 1, math.sin(t)]]],
@@ -598,33 +592,38 @@ def test_bad_arguments_of_a_check():
 # The rounding that proofs rest on
 
 
-def test_derivatives_of_a_basis_at_its_ends_have_few_roundings():
-    """Against the Taylor series of the closed form in 40 digits."""
+def exact_start(mpmath, basis, order):
+    """Derivatives of a GT basis at 0, from the Taylor series of the closed form."""
+    half, (g1, g2), n = mpmath.pi / 2, map(mpmath.mpf, basis.gamma), basis.degree - 2
+    first = mpmath.taylor(lambda t: (1 - mpmath.sin(half * t)) * (1 - g1 * mpmath.sin(half * t)), 0, order)
+    last = mpmath.taylor(lambda t: (1 - mpmath.cos(half * t)) * (1 - g2 * mpmath.cos(half * t)), 0, order)
+    middle = [(r == 0) - x - y for r, (x, y) in enumerate(zip(first, last, strict=True))]
+    exact = [mpmath.mpf(0)] * basis.count
+    for j, series in enumerate((first, middle, last)):
+        for i in range(min(n, order) + 1):
+            for r in range(i, min(order, n) + 1):
+                power = (-1) ** (r - i) * mpmath.binomial(n, r) * mpmath.binomial(r, i)  # of t^r in B_i
+                exact[i + j] += power * series[order - r] * math.factorial(order)
+    return exact
+
+
+@pytest.mark.parametrize("degree", [2, 3, 5, 8, 30, 60])
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_derivatives_of_a_basis_at_its_ends_have_few_roundings(degree, order):
     mpmath = pytest.importorskip("mpmath")
-    rng = np.random.default_rng(1)
-    for degree in (2, 3, 5, 8, 20):
-        gamma = tuple(rng.uniform(-1, 1, 2).tolist())
+    for gamma in np.random.default_rng(degree).uniform(-1, 1, (5, 2)).tolist():
         basis = Basis(degree, gamma)
-        patch = Surface(np.einsum("ij,k->ijk", np.eye(degree + 1), [1.0, 0, 0]), gamma, family_v=GT)
-        side = SeparableSide(patch, "u0", outward=False)
-        for order in (1, 2, 3):
-            with mpmath.workdps(40):
-                exact = [mpmath.mpf(0)] * (degree + 1)
-                quarter, g1, g2 = mpmath.pi / 2, mpmath.mpf(gamma[0]), mpmath.mpf(gamma[1])
-                first = mpmath.taylor(
-                    lambda t: (1 - mpmath.sin(quarter * t)) * (1 - g1 * mpmath.sin(quarter * t)), 0, 3
-                )
-                last = mpmath.taylor(lambda t: (1 - mpmath.cos(quarter * t)) * (1 - g2 * mpmath.cos(quarter * t)), 0, 3)
-                middle = [(r == 0) - x - y for r, (x, y) in enumerate(zip(first, last, strict=True))]
-                for j, series in enumerate((first, middle, last)):
-                    for b in range(min(degree - 2, order) + 1):
-                        for r in range(b, min(order, degree - 2) + 1):
-                            bernstein = (-1) ** (r - b) * mpmath.binomial(degree - 2, r) * mpmath.binomial(r, b)
-                            exact[b + j] += bernstein * series[order - r] * math.factorial(order)
-                found = side.coefficients(order)[:, 0]
-                error = max(abs(mpmath.mpf(float(x)) - y) for x, y in zip(found, exact, strict=True))
-                assert error <= side.rounding(order)
-                assert basis.rows(np.zeros(1), order)[order + 1 :].any() == False  # noqa: E712
+        weights = np.linspace(0.1, 1, basis.count)
+        patch = Surface(np.einsum("i,j,k->ijk", weights, [1.0, 1.0], [1.0, 0, 0]), gamma, family_v=BERNSTEIN)
+        start = SeparableSide(patch, "u0", outward=False)
+        end = SeparableSide(patch.reversed("u"), "u1", outward=False)
+        with mpmath.workdps(40):
+            exact = exact_start(mpmath, basis, order)
+            total = sum(mpmath.mpf(w) * x for w, x in zip(weights.tolist(), exact, strict=True))
+            for side in (start, end):
+                assert abs(mpmath.mpf(float(side.coefficients(order)[0, 0])) - total) <= side.rounding(order)
+        assert not basis.rows(np.zeros(1), order)[order + 1 :].any()
+        assert not basis.rows(np.ones(1), order)[: -order - 1].any()
 
 
 # Splines
@@ -650,21 +649,32 @@ class Derived:
         return np.asarray(spline(places, nu=orders))
 
 
-@pytest.mark.parametrize("order", ["C1", "G1", "C2", "G2", "C3", "G3"])
+def splines_over_one_basis(patches, end_order):
+    """Fits with the same knots along the edge, as patches need whose rows are to stay joined."""
+    by_knots = [
+        {
+            tuple(spline.knots_v): spline
+            for tolerance in np.geomspace(1e-3, 1e-6, 10)
+            for spline in [
+                fit_surface(patch, tolerance=tolerance, end_order=end_order, exact=False, adapt=False).spline
+            ]
+        }
+        for patch in patches
+    ]
+    knots = next(knots for knots in by_knots[0] if knots in by_knots[1])
+    return [splines[knots] for splines in by_knots]
+
+
+@pytest.mark.parametrize("order", ORDERS)
 def test_splines_join_as_the_patches_do(order):
     k = int(order[1])
     rng = np.random.default_rng(ORDERS.index(order))
     old = Surface(pieces.random_surface(rng, (4, 4), 100.0).control_points, (0.1, -0.4), (0.6, 0.2))
     scale = (1.0, 0.0, 0.0) if order[0] == "C" else (1.2, 0.3, -0.2)
-    rest = rng.normal(0, 10, (5 - k, 5, 3)) + [150, 40, 0]
+    rest = old.control_points[-1] + np.arange(1, 6 - k)[:, None, None] * [40, 0, 0]
     new = join_patch(old, "u1", 5, order=order, gamma=(0.2, 0.1), scale=scale, rest=rest)
-    splines = [fit_surface(patch, tolerance=1e-4, end_order=k, exact=False, adapt=False).spline for patch in (old, new)]
-    report = check_edge(Derived(splines[0]), "u1", Derived(splines[1]), "u0", thresholds=Thresholds(gap=2e-4))
-    print(splines[0].knots_v.size, splines[1].knots_v.size, report)
+    before, after = splines_over_one_basis((old, new), k)
+    report = check_edge(Derived(before), "u1", Derived(after), "u0")
     assert not report.proved
-    assert report.meets(order)
-
-
-def test_the_chain_rule_of_rows_is_that_of_curves():
-    rules = chain_rule((2.0, 3.0, 5.0), 4)
-    assert rules[3].tolist() == [0.0, 5.0, 18.0, 8.0]
+    assert report.order == order
+    assert max(report.residuals[:k]) < 1e-10

@@ -39,6 +39,7 @@ Map = Callable[[Array, Array], Array]  # of a curve the first parameter counts, 
 
 ROOT = Path(__file__).parents[1]
 MODELS = sorted(path for path in (ROOT / "samples").iterdir() if path.suffix in (".json", ".toml"))
+CHAINS = ("duct-line", "letter-a", "wheel-arch")
 EXCHANGE = ROOT / "tests" / "data" / "exchange"
 SUFFIXES = (".step", ".igs", ".brep")
 TOLERANCE = 1e-4
@@ -70,10 +71,10 @@ def in_pieces(model: Model) -> list[tuple[str, Shape]]:
     return [(name, piece) for name, pieces in pairs for piece in pieces]
 
 
-def exported(path: Path, folder: Path, suffix: str) -> Path:
+def exported(path: Path, folder: Path, suffix: str, tolerance: float = TOLERANCE) -> Path:
     file = folder / (path.stem + suffix)
     with pytest.raises(SystemExit) as ended:
-        cli.app(["export", str(path), "-o", str(file), "--tolerance", str(TOLERANCE)], prog_name="gtcad")
+        cli.app(["export", str(path), "-o", str(file), "--tolerance", str(tolerance)], prog_name="gtcad")
     assert ended.value.code == 0
     return file
 
@@ -200,12 +201,19 @@ def test_the_strokes_of_the_letter_are_those_of_a_nib_that_is_pressed() -> None:
 @each_model
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_an_exported_model_passes_its_own_check(path: Path, suffix: str, tmp_path: Path) -> None:
-    file = exported(path, tmp_path, suffix)
+    assert_proved(exported(path, tmp_path, suffix), path, TOLERANCE)
+
+
+@pytest.mark.parametrize("stem", CHAINS)
+def test_the_chains_are_proved_at_a_hundredth_of_the_tolerance(stem: str, tmp_path: Path) -> None:
+    path = ROOT / "samples" / f"{stem}.toml"
+    assert_proved(exported(path, tmp_path, ".step", TOLERANCE / 100), path, TOLERANCE / 100)
+
+
+def assert_proved(file: Path, model: Path, tolerance: float) -> None:
+    arguments = ["check", str(file), "--against", str(model), "--tolerance", str(tolerance), "--require-proof"]
     with pytest.raises(SystemExit) as ended:
-        cli.app(
-            ["check", str(file), "--against", str(path), "--tolerance", str(TOLERANCE), "--require-proof"],
-            prog_name="gtcad",
-        )
+        cli.app(arguments, prog_name="gtcad")
     assert ended.value.code == 0
 
 
@@ -444,7 +452,7 @@ def bends(spline: BSpline, t: float) -> list[Array]:
     return [spline(t)[:3], first(t)[:3] / speed, bend(t), (bend(t + step) - bend(t - step)) / (2 * step * speed)]
 
 
-@pytest.mark.parametrize("stem", ["duct-line", "letter-a", "wheel-arch"])
+@pytest.mark.parametrize("stem", CHAINS)
 def test_an_independent_reader_finds_the_joints_of_the_chains(stem: str, tmp_path: Path) -> None:
     file = Part21(exported(ROOT / "samples" / f"{stem}.toml", tmp_path, ".step"))
     for name, found in sample(stem).items():

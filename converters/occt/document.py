@@ -8,7 +8,7 @@ from typing import Any
 
 from gtcad.converters.occt.compat import LabelSequence, kernel_module, listed
 from gtcad.converters.occt.originals import Spline
-from gtcad.converters.occt.pieces import ShapeKey, pieces
+from gtcad.converters.occt.pieces import ShapeKey, bodies, pieces
 from gtcad.converters.part import Color
 
 _Quantity = kernel_module("Quantity")
@@ -26,7 +26,8 @@ _COLOR_DIGITS = 6  # the kernel keeps colours in single precision
 class Item:
     """A shape with the name and the colour that a file gives it, and perhaps names for its faces in their order.
 
-    `originals` holds the B-splines that the file spells out, when the kernel may have moved the last bits of this one.
+    `originals` holds the B-splines that the file spells out, when the kernel may have moved the last bits of this one;
+    `body` is the solid, or else the shell of several faces, that a face belongs to.
     """
 
     shape: Any
@@ -34,6 +35,7 @@ class Item:
     color: Color | None = None
     face_names: tuple[str, ...] = ()
     originals: tuple[Spline, ...] = ()
+    body: Any = None
 
 
 class Document:
@@ -75,10 +77,11 @@ class Document:
 
     def _pieces(self, label: Any, location: Any, inherited: Item) -> Iterator[Item]:
         shape = self.shapes.GetShape_s(label)
-        own = self._named_pieces(label)
+        own, around = self._named_pieces(label), bodies(shape)
         for piece in pieces(shape):
-            found = own.get(ShapeKey(piece), inherited)
-            yield Item(piece.Moved(location), found.name or inherited.name, found.color or inherited.color)
+            found, body = own.get(ShapeKey(piece), inherited), around.get(ShapeKey(piece))
+            name, color = found.name or inherited.name, found.color or inherited.color
+            yield Item(piece.Moved(location), name, color, body=body)
 
     def _named_pieces(self, label: Any) -> dict[ShapeKey, Item]:
         """Names and colours of faces and free edges, the narrower sub-shape's before the wider one's."""

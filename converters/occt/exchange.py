@@ -8,6 +8,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -23,13 +24,22 @@ from gtcad.converters.occt.entities import (
     with_names,
     with_styles,
 )
-from gtcad.converters.occt.faces import area, distances_to
+from gtcad.converters.occt.faces import area, distances_to, volume
 from gtcad.converters.occt.geometry import halves, is_full_ellipse
 from gtcad.converters.occt.originals import Spline, iges_originals, protect, restored, step_originals
-from gtcad.converters.occt.pieces import edge_geometry, face_geometry, is_periodic_spline, is_valid, pieces
+from gtcad.converters.occt.pieces import (
+    ShapeKey,
+    bodies,
+    edge_geometry,
+    face_geometry,
+    is_periodic_spline,
+    is_valid,
+    pieces,
+)
 from gtcad.converters.occt.session import READING_IGES, READING_STEP, quiet, session, writing_iges, writing_step
+from gtcad.converters.occt.shells import edge_uses
 from gtcad.converters.occt.topology import TOLERANCE, make_edge, make_face, make_wire
-from gtcad.converters.part import Built, EllipseArc, Geometry, Part, TrimmedFace, Wire
+from gtcad.converters.part import BodyFacts, Built, EllipseArc, Geometry, Part, TrimmedFace, Wire
 from gtcad.errors import FileError, InputError, KernelError
 
 _BRep = kernel_module("BRep")
@@ -48,6 +58,7 @@ Schema = Literal["AP242", "AP214", "AP203"]
 SCHEMAS = {"AP242": "AP242DIS", "AP214": "AP214IS", "AP203": "AP203"}
 _FACES = ("StepShape_AdvancedFace", "StepShape_FaceSurface")
 _BESIDES = ("StepDimTol_", "StepAP", "StepKinematics_")  # packages of entities that are not looked at
+_VOLUME = 1e-9  # relative: of the kernel's volumes
 _REAL_FORMAT = "%.16E"  # 17 digits: every double comes back bit for bit
 
 
@@ -121,7 +132,7 @@ def iges_bytes(items: Sequence[Item], *, tolerance: float, timestamp: datetime) 
     KernelError
         When the kernel refuses to write.
     """
-    with session("writing IGES", writing_iges(tolerance)):
+    with session("writing IGES", writing_iges(tolerance, bodies=any(item.face_names for item in items))):
         writer, document, done = _IGESCAFControl.IGESCAFControl_Writer(), Document(), 0
         writer.SetColorMode(False)
         tops = []
@@ -256,7 +267,8 @@ def brep_items(data: bytes) -> list[Item]:
         _BRepTools.Read_s(shape, io.BytesIO(data), _BRep.BRep_Builder())
         if shape.IsNull():
             raise Unreadable("its syntax is wrong")
-        return [Item(piece, "") for piece in pieces(shape)]
+        around = bodies(shape)
+        return [Item(piece, "", body=around.get(ShapeKey(piece))) for piece in pieces(shape)]
 
 
 # --- between files, parts and shapes ------------------------------------------------------------------------------
@@ -354,10 +366,21 @@ def parts_of(path: str, kind: str, read: Callable[[], list[Item]]) -> list[Part]
         raise FileError(path, f"is not a readable {kind} file: {error}") from error
     if not items:
         raise FileError(path, "holds neither faces nor edges")
-    return [_part(path, i, item) for i, item in enumerate(items)]
+    facts: dict[ShapeKey, BodyFacts] = {}
+    for item in items:
+        if item.body is not None and ShapeKey(item.body) not in facts:
+            facts[ShapeKey(item.body)] = _facts(item.body)
+    bodies_of = [None if item.body is None else facts[ShapeKey(item.body)] for item in items]
+    return [_part(path, i, item, body) for i, (item, body) in enumerate(zip(items, bodies_of, strict=True))]
 
 
-def _part(path: str, i: int, item: Item) -> Part:
+def _facts(body: Any) -> BodyFacts:
+    with kernel_guard("reading a body"):
+        kind = "solid" if body.ShapeType() == _TopAbs.TopAbs_SOLID else "shell"
+        return BodyFacts(kind, edge_uses(body).closed, is_valid(body), partial(volume, body, rtol=_VOLUME))
+
+
+def _part(path: str, i: int, item: Item, body: BodyFacts | None) -> Part:
     is_face = item.shape.ShapeType() == _TopAbs.TopAbs_FACE
     geometry: BSplineSurface | BSplineCurve | EllipseArc
     trimmed = False
@@ -383,4 +406,5 @@ def _part(path: str, i: int, item: Item) -> Part:
         reversed=item.shape.Orientation() == _TopAbs.TopAbs_REVERSED,
         valid=valid,
         face=TrimmedFace(distances_to(item.shape), area(item.shape)) if trimmed else None,
+        body=body,
     )

@@ -62,6 +62,17 @@ def pieces(shape: Any) -> list[Any]:
     return list(ordered.values())
 
 
+def bodies(shape: Any) -> dict[ShapeKey, Any]:
+    """For each face of a solid, or of a shell of several faces in none, that solid or shell."""
+    around = {}
+    for kind, outside in (("SHELL", "SOLID"), ("SOLID", "SHAPE")):
+        for body in subshapes(shape, kind, outside):
+            faces = subshapes(body, "FACE")
+            if kind == "SOLID" or len(faces) > 1:
+                around.update({ShapeKey(face): body for face in faces})
+    return around
+
+
 def _leaves(shape: Any) -> Iterator[Any]:
     if shape.ShapeType() != _TopAbs.TopAbs_COMPOUND:
         yield shape

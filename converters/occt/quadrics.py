@@ -156,10 +156,18 @@ def _disc_face(q: Quadric) -> Any:
 # --- from the kernel --------------------------------------------------------------------------------------------------
 
 
+def is_analytic(shape: Any) -> bool:
+    """Whether a shape is one face, on an analytic surface."""
+    if shape.ShapeType() != _TopAbs.TopAbs_FACE:
+        return False
+    surface = untrimmed(_BRep.BRep_Tool.Surface_s(as_face(shape)))
+    return type(surface).__name__ in ("Geom_Plane", *_KINDS)
+
+
 def quadric_of_face(face: Any) -> Quadric | None:
     """The quadric that a face is all of; None when its surface is of another kind, or trimmed otherwise.
 
-    Its ranges run as the parameters of the face's own surface, whichever way the face is oriented.
+    Its normal is that of the face's own surface, whichever way the face is oriented.
     """
     face = as_face(face)
     surface = untrimmed(_BRep.BRep_Tool.Surface_s(face))
@@ -270,10 +278,11 @@ def _disc(sides: list[Array], arcs: list[_Arc], normal: Array) -> Quadric | None
     """A disc, a ring, or a sector of one: arcs of the same turn about one center, joined by radial sides."""
     outer = max(arcs, key=lambda arc: arc.radius)
     center, x = outer.center, outer.start
-    radii = (0.0 if len(arcs) == 1 else min(arc.radius for arc in arcs), outer.radius)
+    inner = 0.0 if len(arcs) == 1 else min(arc.radius for arc in arcs)
+    radii = outer.radius, inner  # in this order its normal is that of the plane
     q = Quadric("disc", center, normal, x, 0.0, 0.0, (0.0, outer.turn), radii)
     radial = [] if outer.turn == FULL_TURN else [q.evaluate(u, np.array(radii)) for u in q.u_range]
-    if len(arcs) > 2 or radii[1] - radii[0] <= TOLERANCE or len(sides) != len(radial):
+    if len(arcs) > 2 or outer.radius - inner <= TOLERANCE or len(sides) != len(radial):
         return None
     for arc in arcs:
         if not _meet(arc.center, center) or abs(arc.turn - outer.turn) * arc.radius > TOLERANCE:

@@ -122,12 +122,15 @@ def writing_step(schema: str, tolerance: float) -> Settings:
     }
 
 
-def writing_iges(tolerance: float) -> Settings:
-    """Every parameter that the IGES writer looks at; the tolerance, in mm, becomes the file's resolution."""
+def writing_iges(tolerance: float, *, bodies: bool) -> Settings:
+    """Every parameter that the IGES writer looks at; the tolerance, in mm, becomes the file's resolution.
+
+    With bodies, faces are those of boundary representations; without, trimmed surfaces, which more readers know.
+    """
     return {
         **_writing(tolerance),
         "write.iges.unit": "MM",
-        "write.iges.brep.mode": 0,
+        "write.iges.brep.mode": int(bodies),
         "write.convertsurface.mode": 0,
         "write.iges.plane.mode": 0,
         "write.iges.offset.mode": 0,

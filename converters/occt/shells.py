@@ -77,7 +77,7 @@ class Shell:
     faces
         One for each patch, then one for each cap, oriented as in the shell.
     free
-        The edges that only one face uses.
+        The edges that only one face uses, by patch and side.
     """
 
     shape: Any
@@ -94,8 +94,8 @@ def make_shell(
 ) -> Shell:
     """The shell of patches whose shared sides are equal curves: one kernel edge for each, one vertex for each corner.
 
-    A side whose control points are all equal becomes a degenerate edge, and sides that a patch shares with itself
-    one seam edge.
+    A side whose control points are all equal becomes a degenerate edge, and opposite sides that a patch shares with
+    itself one seam edge.
 
     Parameters
     ----------
@@ -196,6 +196,11 @@ class _Sharing:
                 "there: wrong flips, or a surface with one side only"
             )
         if first[0] == second[0]:
+            if first[1][0] != second[1][0]:
+                raise InputError(
+                    f"{named_side(first)} and {named_side(second)} are one edge, but not opposite: "
+                    "the kernel has no such face, divide the patch"
+                )
             outline = self.outlines[first[0]]
             seams = {**outline.seams, first[1]: first[1], second[1]: first[1]}
             self.outlines[first[0]] = replace(outline, seams=seams)
@@ -256,7 +261,7 @@ def _assembled(sharing: _Sharing, tolerance: float) -> Shell:
         edges = {side: made[sharing.owner.get((patch, side), (patch, side))] for side in outline.needed}
         face = face_on(outline, edges, tolerance, mirrored=sharing.mirrored[patch])
         faces.append(as_face(face.Reversed()) if sharing.flipped[patch] else face)
-        for side in AROUND:
+        for side in sorted(AROUND):
             if (patch, side) not in sharing.owner and side not in outline.points:
                 ahead = sharing.ahead((patch, side))
                 free.append(FreeEdge(patch, side, _turned(edges[side], ahead), outline.curves[side], ahead))

@@ -35,7 +35,7 @@ _TopoDS = kernel_module("TopoDS")
 
 _SECONDS = 600  # after which an offset is given up
 _MESH = 0.1  # of the thickness, and radians: how fine the samples of an offset lie
-_MOST_SAMPLES = 400
+_MOST_SAMPLES = 200
 
 
 def hollow_solid(solid: Any, thickness: float) -> tuple[Any, float]:

@@ -159,7 +159,7 @@ class Outline:
     points
         The sides that are one point.
     seams
-        For each side that coincides with another one, mostly the opposite one, the side whose edge both use.
+        For each side that coincides with the opposite one, the side whose edge both use.
     """
 
     surface: BSplineSurface
@@ -319,8 +319,8 @@ def face_on(outline: Outline, edges: Mapping[Side, Any], tolerance: float, *, mi
     tolerance
         In mm.
     mirrored
-        The sides whose edge runs backwards: where the side, with the knots a to b, has the parameter s, the edge has
-        a + b - s.
+        The sides, no seams, whose edge runs backwards: where the side, with the knots a to b, has the parameter s, the
+        edge has a + b - s.
     """
     builder = _BRep.BRep_Builder()
     face = _TopoDS.TopoDS_Face()
@@ -349,8 +349,8 @@ def _lay_on_face(
     outline: Outline, side: Side, edge: Any, face: Any, tolerance: float, mirrored: Collection[Side]
 ) -> None:
     uses = [other for other in AROUND if outline.seams.get(other, other) == side]
-    uses.sort(key=lambda use: not walked_ahead(use, mirrored))  # a pair begins with the one walked forward
     lines = [_side_line(outline.surface, use, use in mirrored) for use in uses]
+    # AROUND lists v0 before v1 and u1 before u0: the one walked forward first, as the kernel wants a seam's pair
     builder = _BRep.BRep_Builder()
     builder.UpdateEdge(edge, *lines, face, tolerance)
     curve = outline.curves[side]

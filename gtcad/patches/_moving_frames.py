@@ -27,7 +27,7 @@ FRAMES: tuple[FrameKind, ...] = ("rotation-minimising", "frenet", "fixed")
 _SPANS = (8, 32, 128, 512)  # of a proof: as few as resolve the functions
 _VANISHES = 1e-9  # of the largest value: speed, curvature
 _STRAIGHT = 1e-12  # of the largest |C'| |C''|: less of |C' x C''| is rounding
-_CLOSED = 1e-9  # how far ends of a closed spine may be apart, of its size, and their tangents
+_CLOSED = 1e-9  # how far joined ends may be apart, of the speed, and their tangents
 _ASIDE = 1e-6  # sine of the least angle of a start normal and the tangent
 _SAMPLES = 1025
 _MOST_VALUES = 256  # of what is turned and scaled
@@ -57,16 +57,17 @@ def axis_across(tangent: Array) -> Array:
     return np.asarray(np.eye(3)[near[-1]])
 
 
-def check_closed(spine: SeparableCurve) -> None:
-    """Refuse a spine that does not close with one tangent."""
-    points, first = spine.evaluate([0.0, 1.0]), spine.derivative([0.0, 1.0])
-    gap = float(np.linalg.norm(points[1] - points[0]))
-    turn = float(np.linalg.norm(_unit(first[1]) - _unit(first[0])))
-    if gap > _CLOSED * largest_norm(first) or turn > _CLOSED:
-        raise InputError(
-            f"spine must close with one tangent for closed=True, got ends {gap:.3g} apart and tangents that differ by "
-            f"{turn:.3g}"
-        )
+def check_joined(spine: SeparableCurve, following: SeparableCurve, where: str) -> None:
+    """Refuse two curves of which one does not go on with the tangent of the other."""
+    first, second = spine.derivative(1.0), following.derivative(0.0)
+    gap = float(np.linalg.norm(following.evaluate(0.0) - spine.evaluate(1.0)))
+    turn = float(np.linalg.norm(tangent_at(following, 0.0) - tangent_at(spine, 1.0)))
+    if gap > _CLOSED * max(largest_norm(first), largest_norm(second)) or turn > _CLOSED:
+        raise InputError(f"{where}, got ends {gap:.3g} apart and tangents that differ by {turn:.3g}")
+
+
+class Unresolved(InputError):
+    """A frame needs polynomials of a higher degree."""
 
 
 @dataclass(frozen=True)
@@ -191,13 +192,13 @@ def _least_place(size: Callable[[Array], Array], v: Array, values: Array) -> flo
     return float(t[k])
 
 
-def _unresolved(local: _Spine) -> InputError:
+def _unresolved(local: _Spine) -> Unresolved:
     v = np.linspace(0, 1, _SAMPLES)
     rate = np.linalg.norm(local.turning(v), axis=-1)
     k = int(rate.argmax())
-    return InputError(
+    return Unresolved(
         f"the frame has no polynomials of degree {MAX_COUNT - 1} within rounding: at v = {v[k]:.4g} it turns by "
-        f"{rate[k]:.3g} radians per unit of v; sweep along parts of the spine (Restricted)"
+        f"{rate[k]:.3g} radians per unit of v; sweep along parts of the spine (sweep_parts)"
     )
 
 
@@ -278,13 +279,15 @@ def turned(frame: Polynomials, angle: float, scale: tuple[float, ...], closes: b
     """Polynomials of ``s N``, ``s B`` and ``s t``, and the proved error of all together but that of the frame."""
     if angle == 0 and set(scale) == {1.0} and not closes:
         return frame, 0.0
+    if abs(angle) > _MOST_VALUES:
+        raise _too_much(angle)
     law = Basis(max(len(scale) - 1, 1), family=BERNSTEIN)
     coefficients = np.array(scale if len(scale) > 1 else scale * 2)
     tails = _product_tails(frame, angle, law) * coefficients.max()
     enough = np.flatnonzero(tails <= 4 * UNIT_ROUNDOFF * coefficients.max())
     enough = enough[enough > frame.degree]
     if not enough.size:
-        raise InputError(_too_much(angle))
+        raise _too_much(angle)
     count = int(enough[0])
     v = (nodes(count) + 1) / 2
     rows, factor = frame.rows(v), coefficients @ law.rows(v)
@@ -294,7 +297,7 @@ def turned(frame: Polynomials, angle: float, scale: tuple[float, ...], closes: b
     if closes and series.shape[1] > 1:
         series[:, 1] -= series[:, 1::2].sum(axis=1)
     if series.shape[1] > MAX_COUNT:
-        raise InputError(_too_much(angle))
+        raise _too_much(angle)
     found = Polynomials(series)
     off = float(np.linalg.norm(found.rows(v) - values, axis=0).max()) + found.rounding
     units = (4 * abs(angle) + 16) * UNIT_ROUNDOFF + law.rounding
@@ -302,10 +305,10 @@ def turned(frame: Polynomials, angle: float, scale: tuple[float, ...], closes: b
     return found, lebesgue(count) * off + float(tails[count])
 
 
-def _too_much(angle: float) -> str:
-    return (
+def _too_much(angle: float) -> Unresolved:
+    return Unresolved(
         f"the frame turned by {math.degrees(angle):g} degrees in all and scaled has no polynomials of degree "
-        f"{MAX_COUNT - 1} within rounding; sweep along parts of the spine (Restricted)"
+        f"{MAX_COUNT - 1} within rounding; sweep along parts of the spine (sweep_parts)"
     )
 
 
@@ -315,7 +318,7 @@ def _product_tails(frame: Polynomials, angle: float, law: Basis) -> Array:
     steps = np.cumprod([1.0] + [0.5 / k for k in orders[1:]])
     taylors = [
         np.pad(frame.taylor, (0, len(orders) - frame.degree - 1)),
-        abs(angle) ** np.array(orders) * steps,
+        np.cumprod([1.0] + [abs(angle) / 2 / k for k in orders[1:]]),
         np.array([law.derivative_bound(k) for k in orders]) * steps,
     ]
     product = taylors[0]

@@ -5,19 +5,22 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gtcad.basis import MAX_DEGREE, checked_parameters
+from gtcad.composite import Composite
 from gtcad.differential import Frame
 from gtcad.errors import InputError
 from gtcad.factors import SurfaceOfTerms, constant_term
 from gtcad.patches._moving_frames import (
     FRAMES,
     FrameKind,
+    Unresolved,
     axis_across,
-    check_closed,
+    check_joined,
     largest_norm,
     moving_frame,
     tangent_at,
@@ -39,8 +42,12 @@ from gtcad.patches._patch import (
 from gtcad.patches.rotation import _handedness
 from gtcad.polynomial import Polynomials
 from gtcad.protocol import SeparableCurve
+from gtcad.queries import split
 
 Array = NDArray[np.float64]
+
+_CLOSES = "spine must close with one tangent for closed=True"
+_NARROWEST = 2.0**-10  # of the spine: a part
 
 
 @dataclass(frozen=True)
@@ -77,8 +84,7 @@ class Sweep(Patch):
     ------
     InputError
         When an argument is out of its range, speed or (frenet) curvature vanish, or the frame has no polynomials of
-        degree 190 within rounding: the message says where,
-        and parts of the spine may then be swept one by one, each from the frame (``frame_at``) where the last one ends.
+        degree 190 within rounding: the message says where, and ``sweep_parts`` sweeps along parts.
 
     Notes
     -----
@@ -166,11 +172,11 @@ class Sweep(Patch):
         """Degrees from the frame at v = 1 to that at v = 0 about their tangent, in (-180, 180]; 0 unless closed."""
         if not self.closed:
             return 0.0
-        check_closed(self.spine)
+        check_joined(self.spine, self.spine, _CLOSES)
         if self.frame != "rotation-minimising":
             return 0.0
         start, end = self._moving[0].rows(np.array([0.0, 1.0])).T
-        return math.degrees(math.atan2(start[:3] @ end[3:6], start[:3] @ end[:3]))
+        return _angle_deg(start[:3], end[:3], end[3:6])
 
     def frame_at(self, v: ArrayLike) -> Frame:
         """The frame (t, N, B) at parameters v, each of shape v.shape + (3,), without placement.
@@ -241,3 +247,88 @@ def _checked_scale(scale: ArrayLike) -> tuple[float, ...]:
     if values.min() < 0 or not values.any():
         raise InputError(f"scale must not be negative, nor 0 throughout, got {values.tolist()}")
     return tuple((values + 0.0).tolist())
+
+
+def sweep_parts(
+    profile: SeparableCurve,
+    spine: SeparableCurve | Composite,
+    *,
+    start_normal: ArrayLike | None = None,
+    scale: ArrayLike = 1.0,
+    twist_deg: float = 0.0,
+    closed: bool = False,
+) -> tuple[Sweep, ...]:
+    """A sweep with the rotation-minimising frame in as many parts as it needs, one behind the other.
+
+    Parameters
+    ----------
+    profile, start_normal, scale, twist_deg, closed
+        As of ``Sweep``, for the whole; v runs from 0 to 1 over it.
+    spine
+        A curve, or a chain whose pieces go on with one tangent; each piece has an equal share of v.
+
+    Returns
+    -------
+    tuple of Sweep
+        A piece that has no frame in polynomials is halved until its parts do. The frame of a part starts as that of
+        the part before ends, so its distance from the frame of the whole is at most the sum of the ``frame_error`` up
+        to it.
+
+    Raises
+    ------
+    InputError
+        As for ``Sweep``; or when pieces do not go on with one tangent, or a part of 2^-10 of v has no frame yet.
+
+    Examples
+    --------
+    The four quarters of a torus:
+
+    >>> from gtcad import Curve
+    >>> from gtcad.conics import circle
+    >>> quarters = sweep_parts(Curve([[1, 0], [1, 1], [0, 1]]), circle([0, 0, 0], 5))
+    >>> [part.evaluate(0.0, 0.0).round(12).tolist() for part in quarters[:2]]
+    [[5.0, 0.0, 1.0], [0.0, 5.0, 1.0]]
+    """
+    law, twist = _checked_scale(scale), checked_number("twist_deg", twist_deg)
+    pieces = [in_space(piece) for piece in (spine.pieces if isinstance(spine, Composite) else (spine,))]
+    for k, (piece, following) in enumerate(pairwise(pieces)):
+        check_joined(piece, following, f"pieces of the spine must go on with one tangent at joint {k + 1}")
+    if closed:
+        check_joined(pieces[-1], pieces[0], _CLOSES)
+        plain = sweep_parts(profile, spine, start_normal=start_normal)
+        _, normal, binormal = plain[-1].frame_at(1.0)
+        twist += _angle_deg(plain[0].frame_at(0.0).normal, normal, binormal)
+    shares = np.linspace(0, 1, len(pieces) + 1)
+    left = [(piece, float(a), float(b)) for piece, (a, b) in zip(pieces, pairwise(shares), strict=True)][::-1]
+    found: list[Sweep] = []
+    while left:
+        piece, a, b = left.pop()
+        try:
+            part = Sweep(
+                profile, piece, start_normal=start_normal, scale=_on_part(law, a, b), twist_deg=(b - a) * twist
+            )
+        except Unresolved:
+            if b - a < 2 * _NARROWEST:
+                raise
+            first, second = split(piece, 0.5)
+            left += [(second, (a + b) / 2, b), (first, a, (a + b) / 2)]
+            continue
+        found.append(part)
+        start_normal = part.frame_at(1.0).normal
+    return tuple(found)
+
+
+def _angle_deg(wanted: Array, normal: Array, binormal: Array) -> float:
+    """Degrees from the normal, towards the binormal, to the wanted direction."""
+    return math.degrees(math.atan2(wanted @ binormal, wanted @ normal))
+
+
+def _on_part(law: tuple[float, ...], start: float, end: float) -> tuple[float, ...]:
+    """Bernstein coefficients of the part over [start, end], by de Casteljau's algorithm."""
+    for place, side in ((end, 0), (start / end, -1)):  # what is left of the end, then what is right of the start
+        row, ends = np.array(law), []
+        while row.size:
+            ends.append(float(row[side]))
+            row = (1 - place) * row[:-1] + place * row[1:]
+        law = tuple(ends if side == 0 else ends[::-1])
+    return law
