@@ -1,10 +1,9 @@
-"""Splines that approximate all curves of one direction at once: for given knots, and for knots of their own.
+"""Splines over given knots that approximate all curves of one direction at once.
 
 A spline approximates the factors F of a shape through one matrix M: poles = M @ coefficients. M is the weighted
 least-squares solution with the derivatives 0..r exact at both ends; weights that grow where the error of the actual
-piece is largest (Lawson's iteration) take it towards the minimax solution. Knots start where they equidistribute the
-(p + 1)-th derivative of the piece; Gauss-Newton steps on the least-squares error with the poles eliminated (variable
-projection, Kaufman's form) and Lawson's weights move them towards the free-knot minimax spline.
+piece is largest (Lawson's iteration) take it towards the minimax solution. Knots are placed where they equidistribute
+the (p + 1)-th derivative of the piece.
 
 Nothing here is proved: errors are taken on samples and guide the search.
 
@@ -12,14 +11,12 @@ References
 ----------
 C. L. Lawson, Contributions to the theory of linear least maximum approximations, thesis, UCLA 1961.
 C. de Boor, Good approximation by splines with variable knots, ISNM 21 (1973) 57-72.
-L. Kaufman, A variable projection method for solving separable nonlinear least squares problems, BIT 15 (1975) 49-57.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -29,34 +26,24 @@ from gtcad.chebyshev import nodes
 from gtcad.converters.spline_basis import (
     EndOrder,
     Knots,
-    Sampled,
     both_ends,
     dense,
-    doubled,
     end_derivatives,
     local_values,
-    sampled,
-    top_jumps,
 )
 from gtcad.factors import KeyedFactors
 from gtcad.protocol import Factors
 
 Array = NDArray[np.float64]
-Sparse = Any  # scipy's sparse arrays carry no types
 
 _LAWSON_STEPS = 16
 _NEAR_STEPS, _NEAR = 40, 1.1  # so many steps when the error is at most so many times the goal
-_KNOT_STEPS = 24
-_HOPELESS_STEPS, _HOPELESS = 6, 2.0  # after so many steps an error so many times the goal has not been seen to reach it
-_SPREADS = (1.0, 1.5, 0.5)  # powers of the equidistributed spans from which searches start
-_NEAR_MISS = 1.3  # of the goal: worth another start
-_DENSITY = 3  # of samples where the error has to be close to the true one
+HOPELESS_STEPS, HOPELESS = 6, 2.0  # after so many steps an error so many times the goal has not been seen to reach it
 _DENSITY_POINTS = 240
-_FEW_POLES = 48  # above, banded normal equations take the place of an orthogonal factorisation
+FEW_POLES = 48  # above, banded normal equations take the place of an orthogonal factorisation
 _HIGH_DEGREE = 11
 _LEAST_WEIGHT = 1e-6
-_MOST_POLES = 160  # above, knots are not moved and errors not levelled: it would take too long
-_LEAST_GAP = 0.02  # of the mean span: knots that approach each other further trouble kernels
+MOST_POLES = 160  # above, knots are not moved and errors not levelled: it would take too long
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +128,7 @@ class Problem:
         self.local = local_values(knots, z)
         self.columns = knots.first[:, None] + np.arange(knots.degree + 1)
         self.values = factors.rows(knots.places(z).reshape(-1)).T
-        first, last = _end_poles(_end_values(factors, max(both_ends(end_order))), knots, end_order)
+        first, last = end_poles(end_values(factors, max(both_ends(end_order))), knots, end_order)
         self.inner = slice(len(first), knots.poles - len(last))
         self.ends = np.zeros((knots.poles, factors.count))
         self.ends[: self.inner.start], self.ends[self.inner.stop :] = first, last
@@ -154,7 +141,7 @@ class Problem:
         matrix = self.ends.copy()
         if self.inner.start >= self.inner.stop:
             return matrix
-        if not _few(self.knots):
+        if not few_poles(self.knots):
             scaled = self.local if weights is None else self.local * weights.reshape(*self.local.shape[:2], 1)
             equations = self._equations(scaled)
             for _ in range(2):  # the second time for the rounding of the first
@@ -194,13 +181,13 @@ class Problem:
         return self.values - self._spline(matrix)
 
 
-def _end_values(factors: Factors, order: int) -> Array:
+def end_values(factors: Factors, order: int) -> Array:
     """Derivatives 0..order at both ends, shape (2, order + 1, count)."""
     ends = np.array([0.0, 1.0])
     return np.stack([factors.rows(ends, k).T for k in range(order + 1)], axis=1)
 
 
-def _end_poles(wanted: Array, knots: Knots, end_order: EndOrder) -> tuple[Array, Array]:
+def end_poles(wanted: Array, knots: Knots, end_order: EndOrder) -> tuple[Array, Array]:
     """The first and the last poles, one more than the order of their end, from the derivatives there."""
     if end_order in (0, (0, 0)):
         return wanted[0, :1], wanted[1, :1]
@@ -208,7 +195,7 @@ def _end_poles(wanted: Array, knots: Knots, end_order: EndOrder) -> tuple[Array,
     return _substituted(start, wanted[0, : len(start)]), _substituted(end, wanted[1, : len(end)])[::-1]
 
 
-def _has_room(knots: Knots, end_order: EndOrder) -> bool:
+def has_room(knots: Knots, end_order: EndOrder) -> bool:
     """Whether the conditions at both ends leave the knots enough poles."""
     return knots.poles >= sum(both_ends(end_order)) + 2
 
@@ -250,9 +237,9 @@ def approximate(
     problem = Problem(bundle.factors, knots, end_order, density)
     weights = np.ones(len(problem.values))
     best = None
-    most = (max(steps, _NEAR_STEPS) if goal else steps) if knots.poles <= _MOST_POLES else 0
+    most = (max(steps, _NEAR_STEPS) if goal else steps) if knots.poles <= MOST_POLES else 0
     for step in range(most + 1):
-        if best is not None and step > (_HOPELESS_STEPS if goal else steps) and best.error > _NEAR * goal:
+        if best is not None and step > (HOPELESS_STEPS if goal else steps) and best.error > _NEAR * goal:
             break
         matrix = problem.solve(weights)
         residual = problem.residual(matrix)
@@ -262,19 +249,19 @@ def approximate(
             best = Approximation(knots, matrix, problem.values, residual, errors)
         if error <= goal:
             break
-        weights = _normalised(weights * (errors / error + 1e-3))
+        weights = normalised(weights * (errors / error + 1e-3))
     assert best is not None
     return best
 
 
-def _normalised(weights: Array) -> Array:
+def normalised(weights: Array) -> Array:
     """Largest 1, and none so small that the equations become singular."""
     return np.asarray(np.maximum(weights / weights.max(), _LEAST_WEIGHT))
 
 
-def _few(knots: Knots) -> bool:
+def few_poles(knots: Knots) -> bool:
     """Whether an orthogonal factorisation is affordable, or needed: a high degree squares to ill condition."""
-    return knots.poles <= (_FEW_POLES if knots.degree <= _HIGH_DEGREE else _MOST_POLES)
+    return knots.poles <= (FEW_POLES if knots.degree <= _HIGH_DEGREE else MOST_POLES)
 
 
 def equidistributed(bundle: Bundle, degree: int, spans: int) -> Array:
@@ -304,178 +291,6 @@ def _of_kind(
     factors = kept.factors
     bundle = Bundle(factors, np.eye(factors.count)[:, :, None])
     knots = Knots.smooth(equidistributed(bundle, degree, spans), degree, continuity)
-    if not _has_room(knots, end_order):
+    if not has_room(knots, end_order):
         return None
-    return approximate(bundle, knots, end_order, steps=2 if knots.poles <= _MOST_POLES else 0)
-
-
-def adapted(
-    bundle: Bundle, degree: int, spans: int, end_order: EndOrder = 0, *, goal: float = 0.0
-) -> Approximation | None:
-    """Nearly the best spline with that many spans and simple knots, its knots moved for this bundle.
-
-    The search is local and starts from equidistributed knots; where it nearly reaches the goal, also from knots that
-    are spread more evenly, and less.
-
-    Parameters
-    ----------
-    bundle
-        What is approximated.
-    degree, spans, end_order
-        As in ``approximate``.
-    goal
-        Stop at an error of this size.
-
-    Returns
-    -------
-    Approximation or None
-        None when the knots leave no room for the end conditions.
-    """
-    even = equidistributed(bundle, degree, spans)
-    if not _has_room(Knots.smooth(even, degree), end_order):
-        return None
-    best = None
-    for power in _SPREADS if 1 < spans <= _FEW_POLES - degree else _SPREADS[:1]:
-        gaps = np.diff(even) ** power
-        breaks = np.concatenate([[0.0], np.cumsum(gaps)[:-1] / gaps.sum(), [1.0]])
-        if 1 < spans <= _MOST_POLES - degree:
-            breaks = _KnotSearch(bundle, degree, end_order, breaks).run(goal)
-        one = approximate(bundle, Knots.smooth(breaks, degree), end_order, goal=goal, density=_DENSITY)
-        if best is None or one.error < best.error:
-            best = one
-        if not goal < best.error <= _NEAR_MISS * goal:
-            break
-    return best
-
-
-@dataclass(eq=False)
-class _Trial:
-    """One knot vector of a search: its weighted least-squares solution on the fixed samples."""
-
-    breaks: Array
-    flat: Array
-    poles: Array
-    residual: Array
-    space: _Orthonormal | _Banded
-
-
-class _Orthonormal:
-    """Weighted least squares over a few functions, by an orthogonal factorisation."""
-
-    def __init__(self, design: Array, weights: Array) -> None:
-        self.scale = np.sqrt(weights)[:, None]
-        self.basis, self.triangle = np.linalg.qr(design * self.scale)
-
-    def solve(self, right: Array) -> Array:
-        return np.linalg.solve(self.triangle, self.basis.T @ (right * self.scale))
-
-    def outside(self, others: Sampled) -> Array:
-        """Weighted inner products of other functions, less what these can take up of them."""
-        scaled = others.dense() * self.scale
-        scaled -= self.basis @ (self.basis.T @ scaled)
-        return np.asarray(scaled.T @ scaled)
-
-
-class _Banded:
-    """The same over many functions, by normal equations: each function overlaps ``degree`` others on either side."""
-
-    def __init__(self, design: Sparse, weights: Array, degree: int) -> None:
-        self.design, self.weights = design, weights
-        self.weighted = design.multiply(weights[:, None]).T.tocsr()
-        gram = self.weighted @ design
-        bands = np.zeros((degree + 1, gram.shape[0]))
-        for k in range(degree + 1):
-            bands[degree - k, k:] = gram.diagonal(k)
-        self.factor = scipy.linalg.cholesky_banded(bands, check_finite=False), False
-
-    def solve(self, right: Array) -> Array:
-        solution = self._solve(self.weighted @ right)
-        return solution + self._solve(self.weighted @ (right - self.design @ solution))  # the rounding of the first
-
-    def outside(self, others: Sampled) -> Array:
-        """Weighted inner products of other functions, less what these can take up of them."""
-        columns = others.sparse()
-        onto = self.weighted @ columns
-        own = columns.T @ columns.multiply(self.weights[:, None])
-        return np.asarray(own.toarray() - onto.T @ self._solve(onto.toarray()))
-
-    def _solve(self, right: Array) -> Array:
-        return np.asarray(scipy.linalg.cho_solve_banded(self.factor, right, check_finite=False))
-
-
-class _KnotSearch:
-    """Gauss-Newton on the breaks, Levenberg-Marquardt damped, with weights that follow the error."""
-
-    def __init__(self, bundle: Bundle, degree: int, end_order: EndOrder, breaks: Array) -> None:
-        self.bundle, self.degree, self.start = bundle, degree, breaks
-        self.end_order = both_ends(end_order)
-        spans = len(breaks) - 1
-        self.t = (nodes(max(160, 10 * (spans + degree))) + 1) / 2
-        self.columns = bundle.compressed[0]
-        self.target = bundle.factors.rows(self.t).T @ self.columns
-        self.wanted = _end_values(bundle.factors, max(self.end_order)) @ self.columns
-        self.least = _LEAST_GAP / spans
-
-    def run(self, goal: float) -> Array:
-        """The breaks of the least largest error that was seen."""
-        weights = np.ones(len(self.t))
-        trial = self._solve(self.start, weights)
-        best, best_error, damping, idle = self.start, np.inf, 1e-2, 0
-        for step in range(_KNOT_STEPS):
-            errors = self.bundle.compressed_norms(trial.residual)
-            error = float(errors.max())
-            idle = 0 if error < 0.98 * best_error else idle + 1
-            if error < best_error:
-                best, best_error = trial.breaks, error
-            hopeless = step >= _HOPELESS_STEPS and best_error > _HOPELESS * goal > 0
-            if error <= 0.9 * goal or idle > 6 or error == 0 or hopeless:
-                break
-            weights = _normalised(weights * np.sqrt(errors / error + 1e-3))
-            trial = self._solve(trial.breaks, weights)
-            trial, damping = self._step(trial, weights, damping)
-        return best
-
-    def _solve(self, breaks: Array, weights: Array) -> _Trial:
-        knots = Knots.smooth(breaks, self.degree)
-        flat = knots.flat
-        few = _few(knots)
-        functions = sampled(flat, self.degree, self.t)
-        design = functions.dense() if few else functions.sparse()
-        first, last = _end_poles(self.wanted, knots, self.end_order)
-        free = slice(len(first), knots.poles - len(last))
-        poles = np.zeros((knots.poles, self.target.shape[1]))
-        poles[: free.start], poles[free.stop :] = first, last
-        inner = design[:, free]
-        space = _Orthonormal(inner, weights) if few else _Banded(inner, weights, self.degree)
-        poles[free] = space.solve(self.target - design @ poles)
-        return _Trial(breaks, flat, poles, self.target - design @ poles, space)
-
-    def _step(self, trial: _Trial, weights: Array, damping: float) -> tuple[_Trial, float]:
-        """One damped step that lowers the weighted error; the trial itself when none does.
-
-        When a knot tau moves, the spline changes by a multiple of one B-spline that has tau as a double knot, up to
-        functions that the poles take up. The multiple is the ratio of jumps at tau: of the spline's p-th derivative
-        and of the B-spline's (p - 1)-th, hence of rank one over the coordinates.
-        """
-        bumps, jumps = doubled(trial.flat, self.degree, self.end_order, self.t)
-        change = -top_jumps(trial.poles, trial.flat, self.degree) / jumps[:, None]
-        weighted = trial.residual * weights[:, None]
-        onto = (bumps.dense() if len(change) < _FEW_POLES else bumps.sparse()).T @ weighted
-        gradient = np.einsum("rd,rd->r", onto, change)
-        normal = trial.space.outside(bumps) * (change @ change.T)
-        diagonal = np.diag(normal)
-        if not diagonal.max() > 0:
-            return trial, damping
-        cost, diagonal = float(np.vdot(weighted, trial.residual)), np.maximum(diagonal, 1e-12 * diagonal.max())
-        gaps = np.diff(trial.breaks)
-        for _ in range(5):
-            move = np.zeros(len(trial.breaks))
-            move[1:-1] = np.linalg.solve(normal + damping * np.diag(diagonal), gradient)
-            room = np.maximum(0.6 * gaps, 0) / np.maximum(-np.diff(move), 1e-300)
-            breaks = trial.breaks + min(1.0, float(room.min())) * move
-            if np.diff(breaks).min() >= min(self.least, gaps.min()):
-                moved = self._solve(breaks, weights)
-                if float(np.vdot(moved.residual * weights[:, None], moved.residual)) < cost:
-                    return moved, max(damping / 5, 1e-6)
-            damping *= 6
-        return trial, 1e-2
+    return approximate(bundle, knots, end_order, steps=2 if knots.poles <= MOST_POLES else 0)

@@ -273,9 +273,7 @@ class BSplineSurface:
         spline = NdBSpline((self.flat_knots_u, self.flat_knots_v), self.homogeneous, (self.degree_u, self.degree_v))
         if self.weights is None:
             return np.asarray(spline(places, nu=(order_u, order_v)))
-        values = {
-            (i, j): np.asarray(spline(places, nu=(i, j))) for i in range(order_u + 1) for j in range(order_v + 1)
-        }
+        values = {(i, j): np.asarray(spline(places, nu=(i, j))) for i in range(order_u + 1) for j in range(order_v + 1)}
         found: dict[tuple[int, int], Array] = {}
         for (k, m), value in values.items():  # Leibniz' rule for S w = X, solved for the derivative of S
             lower = sum(

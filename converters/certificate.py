@@ -100,8 +100,8 @@ def certify_curve(
     side = _Direction.of(curve.factors, knots, parameter_map, rational, resolution / size)
     model = side.shape_rows @ curve.coefficients
     fitted = side.local @ spline.homogeneous[side.columns]
-    difference, common = _over_common(model, fitted, side.denominator, rational)
-    least, most = _range(transform(side.count) @ common[..., None], floor) if rational or side.mapped else _ONES
+    difference, common = _over_common(model, fitted, side.denominator[..., None], rational)
+    least, most = _range(transform(side.count) @ common, floor) if rational or side.mapped else _ONES
     found = maximum(transform(side.count) @ difference / least[:, None, None], rtol=rtol, limit=limit)
     slack = side.tail + lebesgue(side.count) * (side.rounding + 8 * UNIT_ROUNDOFF)
     slack *= size * float((most / least).max())
@@ -147,13 +147,17 @@ def certify_surface(
     step = max(1, _BLOCK // (u.count * v.count * v.spans * (spline.dimension + 1)))
     for start in range(0, u.spans, step):
         part = slice(start, start + step)
-        model = _tensor(u.shape_rows[part], v.shape_rows, surface.coefficients)
+        difference = _shape_values(u, v, part, surface.coefficients)
         fitted = _spline_values(u, v, part, spline)
-        difference, common = _over_common(model, fitted, u.denominator[part, :, None, None] * v.denominator, rational)
-        least, most = _range(_series(u, v, common[..., None]), floor) if fractional else _ONES
-        series = _series(u, v, difference) / least[:, None, None, None]
-        known = None if fractional else _largest(u, v, difference)
-        found = maximum(series, rtol=rtol, known=known, limit=limit)
+        known, least, most = None, *_ONES
+        if fractional:
+            denominator = u.denominator[part, :, None, None, None] * v.denominator.T
+            difference, common = _over_common(difference, fitted, denominator, rational)
+            least, most = _range(_series(u, v, common), floor)
+        else:
+            difference -= fitted
+            known = _largest(u, v, difference)
+        found = maximum(_series(u, v, difference) / least[:, None, None, None], rtol=rtol, known=known, limit=limit)
         span_u, span_v = divmod(found.index, v.spans)
         x = u.parameter(start + span_u, found.place[0]), v.parameter(span_v, found.place[1])
         own = slack * float((most / least).max())
@@ -258,12 +262,14 @@ def _node_count(factors: Factors, knots: Knots, extra: int, resolution: float) -
 
 
 def _over_common(model: Array, fitted: Array, denominator: Array, rational: bool) -> tuple[Array, Array]:
-    """Numerator and denominator of shape - spline; the model's values are numerators over the given denominator."""
+    """Numerator and denominator of shape - spline; the model's values are numerators over the given denominator.
+
+    All are (spans, nodes, coordinates, ...), with one coordinate for a denominator.
+    """
     if not rational:
-        return np.asarray(model - fitted * denominator[..., None]), denominator
-    weight = fitted[..., -1]
-    numerator = model * weight[..., None] - fitted[..., :-1] * denominator[..., None]
-    return np.asarray(numerator), np.asarray(denominator * weight)
+        return np.asarray(model - fitted * denominator), denominator
+    weight = fitted[:, :, -1:]
+    return np.asarray(model * weight - fitted[:, :, :-1] * denominator), np.asarray(denominator * weight)
 
 
 def _range(series: Array, floor: float) -> tuple[Array, Array]:
@@ -274,35 +280,38 @@ def _range(series: Array, floor: float) -> tuple[Array, Array]:
 
 
 def _series(u: _Direction, v: _Direction, values: Array) -> Array:
-    """One series for each rectangle, (rectangles, K, L, d), from values on (spans_u, nodes_u, spans_v, nodes_v, d)."""
-    series = transform(u.count) @ (transform(v.count) @ values).reshape(*values.shape[:2], -1)
-    return np.asarray(series.reshape(values.shape).swapaxes(1, 2).reshape(-1, u.count, v.count, values.shape[-1]))
+    """One series for each rectangle, (rectangles, K, L, d), from values (spans_u, nodes_u, d, nodes_v, spans_v)."""
+    # coordinates first and rectangles last in memory, as ``maximum`` likes it: few products of large matrices
+    values = np.ascontiguousarray(values.transpose(2, 1, 3, 0, 4))
+    series = transform(u.count) @ values.reshape(len(values), u.count, -1)
+    series = transform(v.count) @ series.reshape(len(values), u.count, v.count, -1)
+    return np.moveaxis(series, (0, -1), (-1, 0))
 
 
 def _largest(u: _Direction, v: _Direction, difference: Array) -> Maximum:
     """The largest of the values that a family of rectangles is interpolated from."""
-    squares = np.einsum("aibjd,aibjd->aibj", difference, difference)
-    a, i, b, j = (int(k) for k in np.unravel_index(int(squares.argmax()), squares.shape))
+    squares = np.einsum("aidjb,aidjb->aijb", difference, difference)
+    a, i, j, b = (int(k) for k in np.unravel_index(int(squares.argmax()), squares.shape))
     z = float(nodes(u.count)[i]), float(nodes(v.count)[j])
-    return Maximum(math.sqrt(squares[a, i, b, j]), 0.0, a * v.spans + b, z)
+    return Maximum(math.sqrt(squares[a, i, j, b]), 0.0, a * v.spans + b, z)
 
 
-def _tensor(rows_u: Array, rows_v: Array, coefficients: Array) -> Array:
-    """Values on all nodes of all rectangles, shape (spans_u, nodes_u, spans_v, nodes_v, d)."""
-    spans_u, nodes_u, count_u = rows_u.shape
-    spans_v, nodes_v, count_v = rows_v.shape
-    lines = rows_v.reshape(-1, count_v) @ coefficients
-    values = rows_u.reshape(-1, count_u) @ lines.reshape(count_u, -1)
-    return values.reshape(spans_u, nodes_u, spans_v, nodes_v, -1)
+def _shape_values(u: _Direction, v: _Direction, part: slice, coefficients: Array) -> Array:
+    """Values on all nodes of all rectangles, (spans_u, nodes_u, d, nodes_v, spans_v), for the spans of u in the part."""
+    rows = u.shape_rows[part]
+    lines = np.moveaxis(coefficients, -1, 1) @ v.shape_rows.reshape(-1, v.shape_rows.shape[-1]).T
+    lines = lines.reshape(*lines.shape[:2], v.spans, v.count).swapaxes(2, 3)
+    return np.asarray(rows @ lines.reshape(len(lines), -1)).reshape(*rows.shape[:2], *lines.shape[1:])
 
 
 def _spline_values(u: _Direction, v: _Direction, part: slice, spline: BSplineSurface) -> Array:
-    """Homogeneous values on the same nodes, for the spans of u in the part."""
-    lines = v.local @ spline.homogeneous[:, v.columns]  # (poles_u, spans_v, nodes_v, d)
-    near = lines[u.columns[part]]
+    """Homogeneous values on the same nodes, for the same spans."""
     local = u.local[part]
-    values = local @ near.reshape(*near.shape[:2], -1)
-    return np.asarray(values).reshape(*local.shape[:2], *lines.shape[1:])
+    poles = spline.homogeneous.swapaxes(0, 1)
+    lines = v.local @ poles.reshape(len(poles), -1)[v.columns]
+    lines = lines.reshape(*lines.shape[:2], *poles.shape[1:]).transpose(2, 3, 1, 0)  # (poles_u, d, nodes_v, spans_v)
+    near = lines.reshape(len(lines), -1)[u.columns[part]]
+    return np.asarray(local @ near).reshape(*local.shape[:2], *lines.shape[1:])
 
 
 def _size(coefficients: Array, poles: Array) -> float:

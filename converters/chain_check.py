@@ -90,6 +90,8 @@ def check_chain(
     names = [f"{name} #{k + 1}" for k in range(len(chain.pieces))]
     if not parts:
         return [Row(name, "missing")], [], []
+    if not all(isinstance(part.geometry, BSplineCurve | EllipseArc) for part in parts):
+        return [Row(name, "missing", remark="the file holds a face of this name, not an edge")], [], []
     if not all(part.valid for part in parts):
         return [Row(name, "invalid", remark="the kernel calls an edge of it invalid")], [], []
     held = _held(chain, parts)

@@ -64,6 +64,16 @@ def tightest(quilt: Quilt, thickness: float, flipped: Sequence[bool]) -> Tightes
         Only its sign matters.
     flipped
         For each patch whether its normals are turned over.
+
+    Examples
+    --------
+    A quarter of a cylinder of radius 2, whose normals point outwards:
+
+    >>> from gtcad import BERNSTEIN, Surface
+    >>> points = [[[2, 0, 0], [2, 0, 1]], [[2, 2, 0], [2, 2, 1]], [[0, 2, 0], [0, 2, 1]]]
+    >>> quilt = Quilt.recognised([Surface(points, family_v=BERNSTEIN)])
+    >>> round(tightest(quilt, -1, quilt.flipped).radius, 9)
+    2.0
     """
     found = [
         _tightest_of(patch, name, math.copysign(1, thickness) * (-1 if flip else 1), _clear_of_points(quilt, k))
@@ -143,22 +153,23 @@ def _climbed(
 def crease(quilt: Quilt, allowed: float) -> str | None:
     """Where normals of neighbours differ by more than an angle in radians, in words; None when they do nowhere.
 
-    Neighbours are patches at a shared edge, or at a corner or a side that is one point.
+    Neighbours are the two sides of a shared edge; of a side that is one point, all of its own normals.
     """
     t = np.linspace(0, 1, 2 * max(max(p.factors_u.count, p.factors_v.count) for p in quilt.patches) + 9)
     for edge in quilt.edges:
-        first, second = (_side_normals(quilt, use, t) for use in (edge.first, edge.second))
+        first, second = (side_normals(quilt, use, t) for use in (edge.first, edge.second))
         angle = _largest_angle(first, second[::-1] if edge.reversed else second)
         if not angle <= allowed:
             return f"at {quilt.label(edge.first)} by {math.degrees(angle):.3g} degrees"
     for use in quilt.collapsed:
-        normals = _side_normals(quilt, use, t)
+        normals = side_normals(quilt, use, t)
         if not _largest_angle(normals, normals[:1]) <= allowed:
             return f"at the point {quilt.label(use)}"
     return None
 
 
-def _side_normals(quilt: Quilt, use: Use, t: Array) -> Array:
+def side_normals(quilt: Quilt, use: Use, t: Array) -> Array:
+    """The unit normals along a side, turned over as ``quilt.flipped`` says."""
     fixed = np.full_like(t, float(use.side[1]))
     u, v = (fixed, t) if use.side[0] == "u" else (t, fixed)
     return oriented_normal(quilt, use.patch, u, v)

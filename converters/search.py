@@ -16,7 +16,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gtcad.converters.approximation import Approximation, Bundle, adapted, of_kind
+from gtcad.converters.approximation import Approximation, Bundle, of_kind
+from gtcad.converters.knot_search import adapted
 from gtcad.converters.spline_basis import EndOrder, Knots, both_ends
 
 Array = NDArray[np.float64]

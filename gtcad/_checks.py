@@ -17,6 +17,7 @@ from gtcad.basis import FAMILIES, MAX_DEGREE
 MAX_NAME = 200
 MAX_COORDINATE = 1e50  # curvature needs sixth powers of lengths, which must stay finite
 MAX_ANGLE = 1e6  # degrees: more only loses digits
+LEAST_TURN = 1e-7  # degrees, as in gtcad.conics
 MIN_RANGE = 1e-9  # as in gtcad.protocol.domain_part
 MESSAGE = "gtcad"  # the type under which pydantic carries our messages
 
@@ -252,8 +253,11 @@ def _triangle_problems(value: Any) -> Iterator[Problem]:
 
 
 def angles(value: Any, info: ValidationInfo) -> Any:
-    """Refuse what is not a pair of numbers."""
-    return tuple(_checked(value, _interval_problems(value, "two angles in degrees", -MAX_ANGLE, MAX_ANGLE)))
+    """Refuse what is not a pair of different angles at most a full turn apart."""
+    pair = tuple(_checked(value, _interval_problems(value, "two angles in degrees", -MAX_ANGLE, MAX_ANGLE)))
+    if not LEAST_TURN <= abs(pair[1] - pair[0]) <= 360:
+        refuse([((), f"must be {LEAST_TURN:g} to 360 degrees apart, got {shown(pair[0])} and {shown(pair[1])}")])
+    return pair
 
 
 def orders(value: Any, info: ValidationInfo) -> Any:

@@ -182,9 +182,9 @@ def model_row(shape: Mapping[str, Any]) -> list[str]:
 
 def _counted(joints: Sequence[str]) -> list[str]:
     """Orders in a row, those of many joints with their number: "G2", "3 C0"."""
-    if len(joints) <= 4:
+    if len(joints) <= 4 and len(set(joints)) > 1:
         return list(joints)
-    return [f"{count} {order}" for order, count in Counter(joints).items()]
+    return [f"{count} {order}" if count > 1 else order for order, count in Counter(joints).items()]
 
 
 def part_row(shape: Mapping[str, Any]) -> list[str]:

@@ -14,7 +14,7 @@ L. N. Trefethen, Approximation Theory and Approximation Practice, SIAM 2013, cha
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -24,12 +24,7 @@ Array = NDArray[np.float64]
 
 UNIT_ROUNDOFF = 2.0**-53
 _VALUES_AT_ONCE = 200_000  # floats in one block of samples: stays in cache, bounds the memory
-_STAGES = (
-    1.5,
-    2.5,
-    5.0,
-    9.0,
-)  # nodes for each degree on the way to the final number: sieves out series that cannot matter
+_STAGES = (2.5, 5.0, 9.0)  # nodes for each degree on the way to the final number: sieve out series that cannot matter
 
 
 @lru_cache(maxsize=128)
@@ -133,7 +128,7 @@ def maximum(
     Parameters
     ----------
     coefficients
-        Finite, shape (B, K, d) or (B, K, L, d).
+        Finite, shape (B, K, d) or (B, K, L, d); fastest where a transposed array of shape (d, K[, L], B) is passed.
     rtol
         Wanted ``upper / lower - 1``, above 0.
     known
@@ -146,39 +141,34 @@ def maximum(
     Maximum
         With ``upper <= (1 + rtol) lower``, up to rounding, unless lower exceeds the limit.
     """
-    series = np.ascontiguousarray(np.moveaxis(coefficients, -1, 1))  # (B, d, K[, L])
-    variables = series.ndim - 2
-    norms = np.sqrt(np.einsum("bd...,bd...->b...", series, series))
-    totals = norms.reshape(len(norms), -1).sum(axis=1)
+    series = np.ascontiguousarray(np.moveaxis(coefficients, (0, -1), (-1, 0)))  # (d, K[, L], B)
+    degrees = series.shape[1:-1]
+    norms = np.sqrt(_squares(series))
+    totals = norms.reshape(-1, norms.shape[-1]).sum(axis=0)
+    best = known or _largest(_sample(series, degrees), np.zeros(len(totals)))[0]
     quick = totals.copy()
-    best = known or Maximum(0.0, 0.0, 0, (0.0,) * variables)
-    final = _node_ratio(rtol / 2, variables)
-    for ratio in (*(r for r in _STAGES[known is not None :] if r < final), final):
-        active = np.flatnonzero(quick > (1 + rtol) * best.lower)
+    active = np.flatnonzero(quick > (1 + rtol) * best.lower)
+    kept = _effective_degrees(norms[..., active], rtol / 4 * best.lower)
+    head = tuple(slice(0, k + 1) for k in kept)
+    heads = series[(slice(None), *head)]
+    beyond = totals - norms[head].reshape(-1, norms.shape[-1]).sum(axis=0)
+    final = _node_ratio(rtol / 2, len(degrees))
+    for ratio in (*(r for r in _STAGES if r < final), final):
         if not active.size or best.lower > limit:
             break
-        active = active[np.argsort(-quick[active])]
-        kept = _effective_degrees(norms[active], rtol / 4 * max(best.lower, quick.max() / 4))
         shape = tuple(math.ceil(ratio * max(k, 1)) + 1 for k in kept)
         factor = math.prod(1 / math.cos(math.pi * k / (2 * m)) for k, m in zip(kept, shape, strict=True))
-        head = tuple(slice(0, k + 1) for k in kept)
-        heads = series[(slice(None), slice(None), *head)]
-        beyond = totals - norms[(slice(None), *head)].reshape(len(norms), -1).sum(axis=1)
-        block = max(1, _VALUES_AT_ONCE // (math.prod(shape) * series.shape[1]))
+        active = active[np.argsort(-quick[active])]
+        block = max(1, _VALUES_AT_ONCE // (math.prod(shape) * len(series)))
         for start in range(0, len(active), block):
             part = active[start : start + block]
             if quick[part[0]] <= (1 + rtol) * best.lower:
                 break  # sorted: no later one can matter
-            samples = _sample(heads[part], shape)
-            where = samples.argmax(axis=1)
-            peaks = np.sqrt(samples[np.arange(len(part)), where])
+            found, peaks = _largest(_sample(heads[..., part], shape), beyond[part])
             quick[part] = np.minimum(quick[part], peaks * factor + beyond[part])
-            first = int((peaks - beyond[part]).argmax())
-            lower = float(peaks[first] - beyond[part[first]])
-            if lower > best.lower:
-                place = np.unravel_index(int(where[first]), shape)
-                z = tuple(float(nodes(m)[k]) for m, k in zip(shape, place, strict=True))
-                best = Maximum(lower, 0.0, int(part[first]), z)
+            if found.lower > best.lower:
+                best = replace(found, index=int(part[found.index]))
+        active = active[quick[active] > (1 + rtol) * best.lower]
     upper = max(float(quick.max(initial=0.0)), best.lower)
     return Maximum(best.lower * (1 - 1e-12), upper * (1 + 1e-12), best.index, best.place)
 
@@ -190,19 +180,38 @@ def _node_ratio(rtol: float, variables: int) -> float:
 
 def _effective_degrees(norms: Array, allowance: float) -> tuple[int, ...]:
     """Least degree in each variable beyond which every series' coefficient norms sum to at most the allowance."""
+    variables = norms.ndim - 1
     kept = []
-    for axis in range(1, norms.ndim):
-        others = tuple(a for a in range(1, norms.ndim) if a != axis)
-        tails = norms.sum(axis=others)[:, ::-1].cumsum(axis=1)[:, ::-1].max(axis=0)
-        beyond = np.flatnonzero(tails > allowance / (norms.ndim - 1))
+    for axis in range(variables):
+        lines = norms.sum(axis=tuple(a for a in range(variables) if a != axis))
+        tails = lines[::-1].cumsum(axis=0)[::-1].max(axis=1, initial=0.0)
+        beyond = np.flatnonzero(tails > allowance / variables)
         kept.append(int(beyond[-1]) if len(beyond) else 0)
     return tuple(kept)
 
 
 def _sample(series: Array, shape: tuple[int, ...]) -> Array:
-    """Squared norms on the tensor grid of Chebyshev zeros, shape (B, points)."""
-    values = series.reshape(-1, series.shape[-1]) @ evaluation(shape[-1], series.shape[-1]).T
-    if len(shape) == 2:
-        values = evaluation(shape[0], series.shape[2]) @ values.reshape(-1, series.shape[2], shape[1])
-    values = values.reshape(*series.shape[:2], -1)
-    return np.asarray(np.einsum("bdm,bdm->bm", values, values))
+    """Squared norms of series (d, K[, L], B) on the tensor grid of Chebyshev zeros, shape (M[, N], B)."""
+    values = series
+    for axis in range(len(shape), 0, -1):
+        table = evaluation(shape[axis - 1], series.shape[axis])
+        values = table @ values.reshape(*series.shape[: axis + 1], -1)
+    return _squares(values).reshape(*shape, -1)
+
+
+def _squares(vectors: Array) -> Array:
+    """Squared norms over the first axis."""
+    return np.asarray(np.einsum("d...,d...->...", vectors, vectors))
+
+
+def _largest(squares: Array, beyond: Array) -> tuple[Maximum, Array]:
+    """Where a sample less what is left out of its series is largest, and the largest sample of each series."""
+    peaks = squares
+    while peaks.ndim > 1:
+        peaks = peaks.max(axis=0)  # one axis after the other: long rows are fast
+    peaks = np.sqrt(peaks)
+    index = int((peaks - beyond).argmax())
+    shape = squares.shape[:-1]
+    place = np.unravel_index(int(squares[..., index].argmax()), shape)
+    z = tuple(float(nodes(m)[k]) for m, k in zip(shape, place, strict=True))
+    return Maximum(float(peaks[index] - beyond[index]), 0.0, index, z), peaks

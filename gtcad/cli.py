@@ -200,6 +200,8 @@ def export(
 
     content = load_model(model)
     shapes = content.in_millimetres()
+    if not shapes:
+        raise errors.ModelError(model, ["all its shapes are for construction: there is nothing to export"])
     fits = []
     with tables.progress("fitting", len(shapes)) as advance:
         for fitted in jobs.fit_shapes(shapes, settings):

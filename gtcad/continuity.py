@@ -330,8 +330,8 @@ def check_join(a: Derivable, b: Derivable, *, thresholds: Thresholds = Threshold
     angle = _angle_deg(before.tangent, after.tangent)
     least = 1e-6 / size  # a curvature of which less makes no visible difference
     curvature = _relative(before.bend, after.bend, least)
-    third = _relative(before.third, after.third, least**2)
-    rate_scale = max(abs(before.rate), abs(after.rate), before.curvature**2, after.curvature**2, least**2)
+    third = _relative(before.third, after.third, least / size)
+    rate_scale = max(abs(before.rate), abs(after.rate), before.curvature**2, after.curvature**2, least / size)
     measured = (angle / thresholds.angle_deg, curvature / thresholds.curvature, third / thresholds.curvature_rate)
     limits = (thresholds.angle_deg * math.pi / 180, thresholds.curvature, thresholds.curvature_rate)
     geometric = _reached([x <= 1 for x in measured])

@@ -79,8 +79,8 @@ class EdgeReport:
         The same with (1, 0, 0): of C1, C2, C3.
     normal_angle_deg
         Largest angle of the tangent planes, in degrees: 0 where the patches run on smoothly, 180 where the second
-        folds back over the first. It does not depend on how they are parametrised. Estimated, like all below; NaN
-        when a patch has no normals along the edge.
+        folds back over the first. It does not depend on how they are parametrised or oriented. Estimated, like all
+        below; NaN when a patch has no normals along the edge.
     curvature_jump
         Largest jump of the normal curvature, over all directions, relative to the largest normal curvature there.
     curvature
@@ -315,6 +315,8 @@ def _side(
     surface: SeparableSurface | DerivableSurface, name: str, *, outward: bool, backwards: bool = False
 ) -> _Side | SeparableSide:
     kind = SeparableSide if isinstance(surface, SeparableSurface) else _Side
+    if not (kind is SeparableSide or (hasattr(surface, "derivative") and hasattr(surface, "domain"))):
+        raise InputError(f"a surface with a domain and derivatives is wanted, got {type(surface).__name__}")
     return kind(surface, name, outward, backwards)  # type: ignore[arg-type]
 
 

@@ -290,7 +290,7 @@ def _in_our_words(data: Mapping[str, Any], location: Location, found: Mapping[st
         case "list_type":
             message = f"must be a list of shapes, got {shown(given)}"
         case "too_short":
-            message = "must hold one shape at least"
+            message = f"must hold {found['ctx']['min_length']} at least, got {len(given)}"
         case "string_unicode":
             message = f"is not Unicode text: {shown(given)}"
         case _:

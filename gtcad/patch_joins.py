@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gtcad._jets import norm
-from gtcad.basis import GT, Basis, Family
+from gtcad.basis import GT, Basis, Family, checked_gamma
 from gtcad.continuity import PARAMETRIC, Scale, Start, chain_rule, parsed_order, speed_bounds
 from gtcad.edge_check import SIDES, SINGULAR, DerivableSurface, EdgeReport, SeparableSide, check_edge
 from gtcad.errors import InputError, SingularJoin
@@ -92,17 +92,21 @@ def join_patch(
     >>> second.control_points[:, 0].round(12).tolist()
     [[2.0, 0.0, 4.0], [3.0, 0.0, 7.0], [4.0, 0.0, 4.0]]
     """
-    kind, count = parsed_order(order)
-    _check_scale(kind, order, scale)
-    basis = Basis(degree, (float(gamma[0]), float(gamma[1])), family)
+    _, count = parsed_order(order)
+    scale = _checked_scale(order, scale)
+    basis = Basis(degree, checked_gamma("gamma", gamma, family), family)
     start = Start.of(basis, count)
     along, ends = _old_rows(surface, side, count)
     rows = np.linalg.solve(start.matrix, chain_rule(scale, count + 1) @ ends.reshape(count + 1, -1)).reshape(ends.shape)
     rows[0] = ends[0]
-    wanted = (degree - count, *ends.shape[1:])
-    free = np.asarray(rest, dtype=np.float64) if np.size(rest) else np.empty((0, *ends.shape[1:]))
+    wanted = (basis.degree - count, *ends.shape[1:])
+    try:
+        free = np.asarray(rest, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"rest must be numbers of shape {wanted}: {error}") from None
+    free = free if free.size else np.empty((0, *ends.shape[1:]))
     if free.shape != wanted:
-        raise InputError(f"rest must have shape {wanted} for degree {degree}, {order}; got {np.shape(rest)}")
+        raise InputError(f"rest must have shape {wanted} for degree {degree}, {order}; got {free.shape}")
     return _turned_back(
         Surface(np.concatenate([rows, free]), basis.gamma, along.gamma, family, along.family),
         side,
@@ -138,6 +142,8 @@ def join_patch_nearest(surface: SeparableSurface, side: str, wanted: Surface, or
 
     kind, count = parsed_order(order)
     along, ends = _old_rows(surface, side, count)
+    if not isinstance(wanted, Surface):
+        raise InputError(f"wanted must be a Surface, got {type(wanted).__name__}")
     turned = _turned(wanted, side)
     if turned.factors_v != along:
         raise InputError(f"wanted must have the basis of the edge, {along}, got {turned.factors_v}")
@@ -168,8 +174,8 @@ def join_patch_nearest(surface: SeparableSurface, side: str, wanted: Surface, or
         return np.asarray(inverse @ chain_rule(completed(free), count + 1) @ flat - goal)[1:].reshape(-1)
 
     legs = np.diff(turned.control_points, axis=0)
-    speed = max(float(np.linalg.norm(legs[0])), 1e-3 * float(np.linalg.norm(legs)))
     own = float(np.linalg.norm(inverse[1, 1] * flat[1]))
+    speed = max(float(np.linalg.norm(legs[0])), 1e-3 * float(np.linalg.norm(legs)), 1e-3 * own)
     guess = np.array([math.log(speed / own), 0.0, 0.0])[:count]
     found = completed(least_squares(misses, guess, bounds=speed_bounds(guess, [0]), x_scale="jac").x)
     return joined(found), found
@@ -231,8 +237,12 @@ def joined_sheet(
 
 def _strips(patches: Sequence[Sequence[Surface]]) -> tuple[list[Basis], list[Basis]]:
     """The bases of the strips in u and in v, all patches being checked."""
-    if not patches or not patches[0] or len({len(row) for row in patches}) != 1:
-        raise InputError(f"patches must be rows of equally many, got {[len(row) for row in patches]}")
+    if not patches or not all(isinstance(row, Sequence) and len(row) == len(patches[0]) > 0 for row in patches):
+        raise InputError("patches must be rows of equally many Surfaces")
+    for i, row in enumerate(patches):
+        for j, patch in enumerate(row):
+            if not isinstance(patch, Surface) or patch.dimension != patches[0][0].dimension:
+                raise InputError(f"patches[{i}][{j}] must be a Surface of the dimension of the others, got {patch!r}")
     bases_u, bases_v = [row[0].factors_u for row in patches], [patch.factors_v for patch in patches[0]]
     for i, row in enumerate(patches):
         for j, patch in enumerate(row):
@@ -250,9 +260,9 @@ def _projection(name: str, bases: list[Basis], orders: Sequence[str], scales: Se
             raise InputError(f"{what}_{name} must be one for each of {len(bases) - 1} lines, got {values!r}")
     starts = np.cumsum([0, *(basis.count for basis in bases)])
     equations = [np.empty((0, starts[-1]))]
-    for line, (order, scale) in enumerate(zip(orders, given, strict=True)):
-        kind, count = parsed_order(order)
-        _check_scale(kind, order, scale)
+    for line, (order, own) in enumerate(zip(orders, given, strict=True)):
+        _, count = parsed_order(order)
+        scale = _checked_scale(order, own)
         ends = np.array([bases[line].derivative(1.0, r) for r in range(count + 1)])
         block = np.zeros((count + 1, starts[-1]))
         block[:, starts[line] : starts[line + 1]] = chain_rule(scale, count + 1) @ ends
@@ -263,15 +273,22 @@ def _projection(name: str, bases: list[Basis], orders: Sequence[str], scales: Se
     return np.asarray(np.eye(starts[-1]) - across @ across.T)
 
 
-def _check_scale(kind: str, order: str, scale: Scale) -> None:
-    if kind == "C" and tuple(scale) != PARAMETRIC:
-        raise InputError(f"scale is for G joins; a {order} join has (1, 0, 0), got {tuple(scale)}")
-    if len(scale) != 3 or not all(math.isfinite(x) for x in scale) or not scale[0] > 0:
-        raise InputError(f"scale must be three finite numbers (eta, psi, omega) with eta > 0, got {tuple(scale)}")
+def _checked_scale(order: str, scale: Scale) -> Scale:
+    try:
+        eta, psi, omega = (float(x) for x in scale)
+    except (TypeError, ValueError):
+        eta = psi = omega = math.nan
+    if not (math.isfinite(eta + psi + omega) and eta > 0):
+        raise InputError(f"scale must be three finite numbers (eta, psi, omega) with eta > 0, got {scale}")
+    if order[0] == "C" and (eta, psi, omega) != PARAMETRIC:
+        raise InputError(f"scale is for G joins; a {order} join has (1, 0, 0), got {scale}")
+    return eta, psi, omega
 
 
 def _old_rows(surface: SeparableSurface, side: str, order: int) -> tuple[Basis, Array]:
     """The basis along the edge, and the coefficients over it of D_0..D_order, shape (order + 1, m + 1, d)."""
+    if not isinstance(surface, SeparableSurface):
+        raise InputError(f"surface must be a surface of the protocol, got {type(surface).__name__}")
     edge = SeparableSide(surface, side, outward=True)
     if not isinstance(edge.along, Basis):
         raise InputError(f"the functions along the side {side} must be a Basis, got {type(edge.along).__name__}")

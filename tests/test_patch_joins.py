@@ -226,6 +226,9 @@ def test_a_side_without_a_derivative_across_is_refused():
         ({"scale": (-1.0, 0.0, 0.0)}, "eta > 0"),
         ({"scale": (1.0, math.nan, 0.0)}, "finite"),
         ({"rest": [[[0, 0, 0]]]}, r"rest must have shape \(2, 2, 3\)"),
+        ({"rest": [[1, 2], [3]]}, r"rest must be numbers"),
+        ({"scale": 2.0}, "three finite numbers"),
+        ({"gamma": (0.5,)}, "gamma must be two"),
         ({"rest": ()}, r"rest must have shape \(2, 2, 3\)"),
         ({"gamma": (0.0, 2.0)}, "gamma"),
         ({"degree": 61}, "degree"),
@@ -275,6 +278,10 @@ def test_no_other_scale_factors_come_nearer():
 
 
 def test_a_wanted_patch_must_have_the_basis_of_the_edge():
+    with pytest.raises(InputError, match="wanted must be a Surface, got Curve"):
+        join_patch_nearest(SQUARE, "u1", SQUARE.boundary("u1"), "G1")
+    with pytest.raises(InputError, match="surface must be a surface of the protocol, got Curve"):
+        join_patch(SQUARE.boundary("u1"), "u1", 2, order="C0")
     with pytest.raises(InputError, match="basis of the edge"):
         join_patch_nearest(SQUARE, "u1", pieces.random_surface(np.random.default_rng(1), (3, 3), 1.0), "G1")
 
@@ -380,6 +387,8 @@ def test_bad_arguments_of_a_sheet():
     strange = Surface(SQUARE.control_points[:, [0, 1, 1]], family_u=BERNSTEIN, family_v=BERNSTEIN)
     with pytest.raises(InputError, match=r"patches\[1\]\[0\] must have its strip's basis of v"):
         joined_sheet([[SQUARE], [strange]], ["C0"], [])
+    with pytest.raises(InputError, match=r"patches\[0\]\[1\] must be a Surface"):
+        joined_sheet([[SQUARE, Curve([[0, 0], [1, 0], [1, 1]])]], [], ["C0"])
     with pytest.raises(InputError, match="equally many"):
         joined_sheet([[SQUARE], [SQUARE, SQUARE]], ["C0"], ["C0"])
     with pytest.raises(InputError, match="orders_u must be one for each of 1 lines"):
@@ -584,6 +593,8 @@ def test_bad_arguments_of_a_check():
         check_edge(SQUARE, "u2", SQUARE, "u0")
     with pytest.raises(InputError, match="one dimension, got 3 and 2"):
         check_edge(SQUARE, "u1", Surface(SQUARE.control_points[..., :2], (0, 0), (0, 0), BERNSTEIN, BERNSTEIN), "u0")
+    with pytest.raises(InputError, match="a surface with a domain and derivatives is wanted, got str"):
+        check_edge(SQUARE, "u1", "the other", "u0")
     fast = SurfaceOfTerms(Waves(0, 1.0), Waves(0, 900.0), np.ones((3, 3, 3)))
     with pytest.raises(InputError, match="not resolved"):
         check_edge(fast, "u1", fast, "u0")

@@ -18,7 +18,7 @@ import numpy as np
 import gtcad
 from gtcad.converters.bspline import Array
 from gtcad.converters.occt.compat import as_face, kernel_guard, kernel_module
-from gtcad.converters.occt.faces import distances_to
+from gtcad.converters.occt.faces import distances_to, volume
 from gtcad.converters.occt.pieces import subshapes
 from gtcad.converters.occt.shells import edge_uses, solid_between
 from gtcad.converters.occt.topology import TOLERANCE, checked
@@ -35,7 +35,7 @@ _TopoDS = kernel_module("TopoDS")
 
 _SECONDS = 600  # after which an offset is given up
 _MESH = 0.1  # of the thickness, and radians: how fine the samples of an offset lie
-_MOST_SAMPLES = 200
+_MOST_SAMPLES = 120
 
 
 def hollow_solid(solid: Any, thickness: float) -> tuple[Any, float]:
@@ -61,6 +61,9 @@ def hollow_solid(solid: Any, thickness: float) -> tuple[Any, float]:
         When the kernel cannot make the offset, or makes one that its own check refuses.
     """
     offset = _offset(solid, thickness)
+    before, after = (float(volume(body, rtol=1e-6)) for body in (solid, offset))
+    if not (after - before) * thickness > 0 or after <= 0:
+        raise KernelError(f"the kernel's offset by {thickness:g} mm turns {before:.6g} mm^3 into {after:.6g} mm^3")
     shells = [_only_shell(solid), _only_shell(offset)]
     outer, inner = reversed(shells) if thickness > 0 else shells
     with kernel_guard("making a hollow solid"):
@@ -105,7 +108,7 @@ def _offset(solid: Any, thickness: float) -> Any:
     environment = dict(os.environ)
     places = [str(Path(gtcad.__file__).parents[1]), environment.get("PYTHONPATH", "")]
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, places))
-    command = [sys.executable, "-m", "gtcad.converters.occt.thickening", repr(float(thickness))]
+    command = [sys.executable, "-P", "-m", "gtcad.converters.occt.thickening", repr(float(thickness))]
     try:
         done = subprocess.run(
             command, input=_written(solid), capture_output=True, env=environment, timeout=_SECONDS, check=False

@@ -10,7 +10,7 @@ from gtcad import Composite, Curve
 from gtcad.conics import Arc, arc, circle
 from gtcad.converters import fit_curve
 from gtcad.converters.brep import read_brep, write_brep
-from gtcad.converters.bspline import BSplineCurve
+from gtcad.converters.bspline import BSplineCurve, BSplineSurface
 from gtcad.converters.chain import fit_chain
 from gtcad.converters.check import check_parts
 from gtcad.converters.iges import read_iges, write_iges
@@ -239,6 +239,12 @@ def test_arcs_as_splines_of_whole_chains_and_of_quarters():
     assert {joint.report.order for joint in report.joints} <= {"C2", "C3", "G3"}  # rational, of one circle
     halves = [EllipseArc([1, 2, 3], [5, 0, 0], [0, 5, 0], a, a + np.pi) for a in (0.0, np.pi)]
     assert_all_well(check(named(halves), chain), chain)
+
+
+def test_a_face_is_no_chain(wire):
+    face = BSplineSurface(np.zeros((2, 2, 3)), [0, 1], [2, 2], 1, [0, 1], [2, 2], 1)
+    (row,) = check([Part("x", face)], wire).rows
+    assert (row.verdict, row.remark) == ("missing", "the file holds a face of this name, not an edge")
 
 
 def test_an_invalid_edge(wire):

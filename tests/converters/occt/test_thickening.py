@@ -64,7 +64,7 @@ def test_no_place_is_tighter(side):
         values = principal_curvatures(WAVY, *np.clip(place, 0, 1))
         return -float((side * values).max())
 
-    starts = np.random.default_rng(1).uniform(0, 1, (12, 2))
+    starts = np.random.default_rng(1).uniform(0, 1, (4, 2))
     tightest_of_all = max(-minimize(bend, start, method="Nelder-Mead").fun for start in starts)
     assert radius(quilt, side) <= 1 / tightest_of_all * (1 + 1e-9)
 
@@ -110,6 +110,14 @@ def test_an_open_quilt_with_a_crease_is_refused():
         thicken(bodies.fitted(bodies.box()[:5]), 1.0, tolerance=TOLERANCE)
 
 
+def test_free_sides_that_meet_in_a_corner_are_refused():
+    x = np.linspace(0, 1, 3)
+    flat = Surface(np.stack([*np.meshgrid(x, x), np.zeros((3, 3))], axis=-1))
+    bow = bodies.fitted([flat, flat.transformed(np.eye(3), [1, 1, 0])])
+    with pytest.raises(InputError, match=r"patch 1\.u1, patch 1\.v1, patch 2\.u0, patch 2\.v0 meet in one corner"):
+        thicken(bow, 0.1, tolerance=TOLERANCE)
+
+
 # --- walls without creases --------------------------------------------------------------------------------------------
 
 
@@ -146,7 +154,7 @@ def test_a_tube_becomes_a_wall(thickness, quarters):
 
 @pytest.mark.parametrize("thickness", [1.5, -1.5])
 def test_the_offset_is_at_the_distance_everywhere(thickness):
-    fit = bodies.fitted([WAVY.transformed(np.eye(3)), WAVY.transformed(np.diag([1, 1, -1]))][:1], TOLERANCE)
+    fit = bodies.fitted([WAVY], TOLERANCE)
     made = wall(fit, thickness, TOLERANCE)
     offset = made.skins[0].splines[1]
     u, v = np.random.default_rng(3).uniform(0, 1, (2, 500))
@@ -165,7 +173,7 @@ def test_steiners_formula_on_a_part_of_a_torus():
 
 def test_an_offset_that_needs_too_many_spans_is_refused():
     with pytest.raises(ToleranceNotMet):
-        thicken(bodies.fitted([WAVY]), 9.0, tolerance=1e-12)
+        thicken(bodies.fitted([WAVY]), -0.5, tolerance=1e-16)
 
 
 # --- bodies with creases ----------------------------------------------------------------------------------------------
@@ -187,6 +195,11 @@ def test_a_capped_tube_is_clad_with_round_edges():
     assert edge_uses(body.shape).closed
     assert body.volume == pytest.approx(math.pi * (2 * r * t + t * t) * h + 2 * math.pi * r * r * t + rims, abs=5e-3)
     assert list(body.faces)[:3] == ["patch 1", "cap 1", "cap 2"]
+
+
+def test_a_hollow_of_a_body_that_is_too_thin_is_refused():
+    with pytest.raises(KernelError):
+        thicken(bodies.fitted(bodies.box(), TOLERANCE), -6.0, tolerance=TOLERANCE)
 
 
 def test_a_crash_of_the_kernel_is_an_error():
