@@ -295,7 +295,7 @@ def test_a_name_is_given_once(tmp_path: Path) -> None:
         ({"gtcad": 1.0}, "gtcad: must be 1, got 1.0"),
         ({"unit": "km"}, "unit: must be one of mm, cm, m, in, ft, got 'km'"),
         ({"unit": 25.4}, "unit: must be one of mm, cm, m, in, ft, got 25.4"),
-        ({"shape": []}, "shape: must hold one shape at least"),
+        ({"shape": []}, "shape: must hold 1 at least, got 0"),
         ({"shape": {"arch": ARCH}}, "shape: must be a list of shapes, got an object"),
         ({"shape": [ARCH, 7]}, "shape no. 2: must be an object with the fields of a shape, got 7"),
         ({"shape": [{}]}, f"shape no. 1, kind: is missing; must be one of {KINDS}"),
@@ -440,7 +440,7 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("shapes", "keywords", "expected"),
     [
-        ({}, {}, "shape: must hold one shape at least"),
+        ({}, {}, "shape: must hold 1 at least, got 0"),
         ({"a": ARCH}, {}, "cannot hold dict of dict"),
         ({"\n": Curve([[0, 0], [1, 2], [2, 0]])}, {}, "name: must not be empty"),
         ({"a": Curve([[0.0, 0.0], [1.0, 2.0], [2.0, 1e60]])}, {}, r"control_points\[2\]\[1\]: must be at most 1e\+50"),
@@ -575,14 +575,25 @@ def test_any_json_is_read_or_refused_in_our_words(tmp_path: Path, value: object)
 def valid_by_schema(value: Any, rule: dict[str, Any]) -> bool:
     """Whether a value satisfies a JSON Schema, for the keywords that ours uses; an unknown one is an error."""
     definitions = SCHEMA["$defs"]
-    types: dict[str, Any] = {"object": dict, "array": list, "string": str, "number": (int, float), "integer": int}
+    types: dict[str, Any] = {
+        "object": dict,
+        "array": list,
+        "string": str,
+        "number": (int, float),
+        "integer": int,
+        "boolean": bool,
+    }
     tests: dict[str, Any] = {
         "$ref": lambda to: valid_by_schema(value, definitions[to.rpartition("/")[2]]),
         "anyOf": lambda rules: any(valid_by_schema(value, entry) for entry in rules),
         "oneOf": lambda rules: sum(valid_by_schema(value, entry) for entry in rules) == 1,
         "const": lambda wanted: value == wanted,
         "enum": lambda wanted: value in wanted,
-        "type": lambda name: value is None if name == "null" else isinstance(value, types[name]),
+        "type": lambda name: (
+            value is None
+            if name == "null"
+            else isinstance(value, types[name]) and (name == "boolean" or not isinstance(value, bool))
+        ),
         "required": lambda fields: set(fields) <= set(value),
         "additionalProperties": lambda allowed: allowed or rule["properties"].keys() >= value.keys(),
         "properties": lambda rules: all(valid_by_schema(value[k], rules[k]) for k in value if k in rules),
@@ -593,6 +604,7 @@ def valid_by_schema(value: Any, rule: dict[str, Any]) -> bool:
         "minLength": lambda least: len(value) >= least,
         "maxLength": lambda most: len(value) <= most,
         "minimum": lambda least: value >= least,
+        "exclusiveMinimum": lambda least: value > least,
         "maximum": lambda most: value <= most,
         "pattern": lambda pattern: re.search(pattern, value) is not None,
     }
