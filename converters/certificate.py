@@ -157,7 +157,10 @@ def certify_surface(
         else:
             difference -= fitted
             known = _largest(u, v, difference)
-        found = maximum(_series(u, v, difference) / least[:, None, None, None], rtol=rtol, known=known, limit=limit)
+        series = _series(u, v, difference)
+        if fractional:
+            series = series / least[:, None, None, None]
+        found = maximum(series, rtol=rtol, known=known, limit=limit)
         span_u, span_v = divmod(found.index, v.spans)
         x = u.parameter(start + span_u, found.place[0]), v.parameter(span_v, found.place[1])
         own = slack * float((most / least).max())
@@ -168,7 +171,8 @@ def certify_surface(
             certificate = _with_lower(certificate, surface.evaluate(*certificate.place) - held, own)
         blocks.append(certificate)
     worst = max(blocks, key=lambda block: block.lower)
-    return Certificate(worst.lower, max(block.upper for block in blocks), worst.place)
+    own = surface.definition_error
+    return Certificate(max(0.0, worst.lower - own), max(block.upper for block in blocks) + own, worst.place)
 
 
 def deciding(certify: Callable[..., Certificate], tolerance: float) -> Certificate:
@@ -282,9 +286,9 @@ def _range(series: Array, floor: float) -> tuple[Array, Array]:
 def _series(u: _Direction, v: _Direction, values: Array) -> Array:
     """One series for each rectangle, (rectangles, K, L, d), from values (spans_u, nodes_u, d, nodes_v, spans_v)."""
     # coordinates first and rectangles last in memory, as ``maximum`` likes it: few products of large matrices
-    values = np.ascontiguousarray(values.transpose(2, 1, 3, 0, 4))
-    series = transform(u.count) @ values.reshape(len(values), u.count, -1)
-    series = transform(v.count) @ series.reshape(len(values), u.count, v.count, -1)
+    values = np.ascontiguousarray(values.transpose(2, 1, 3, 0, 4)).reshape(-1, u.count, values.shape[3], values.shape[0]*values.shape[4])
+    half = transform(u.count) @ values.reshape(len(values), u.count, -1)
+    series = np.matmul(transform(v.count), half.reshape(values.shape), out=values)
     return np.moveaxis(series, (0, -1), (-1, 0))
 
 

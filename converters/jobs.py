@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+_QUILT_SETTINGS = ("tolerance", "degree", "continuity", "max_spans", "max_degree", "adapt")
+
 
 @dataclass(frozen=True)
 class Fitted:
@@ -138,17 +140,10 @@ def _built(name: str, shape: Quilt | Solid, settings: Mapping[str, Any]) -> Fitt
 
 
 def _fitted_quilt(quilt: Quilt, settings: Mapping[str, Any]) -> QuiltFit:
-    """A degree of "auto" is the one with the fewest poles by cached operators."""
     from gtcad.converters.quilt_fit import fit_quilt
 
-    taken = {key: settings[key] for key in ("tolerance", "continuity", "max_spans", "adapt") if key in settings}
-    if settings.get("degree") != "auto":
-        return fit_quilt(quilt, degree=settings.get("degree", 5), **taken)
-    tried = (
-        fit_quilt(quilt, degree=degree, **taken | {"adapt": False}) for degree in range(3, settings["max_degree"] + 1)
-    )
-    best = min(tried, key=lambda fit: sum(math.prod(one.control_points.shape[:2]) for one in fit.splines))
-    return fit_quilt(quilt, degree=best.splines[0].degree_u, **taken)
+    taken = {key: settings[key] for key in _QUILT_SETTINGS if key in settings}
+    return fit_quilt(quilt, **taken)
 
 
 def _with_arc(name: str, shape: SeparableCurve, fit: Fit[Any, Any]) -> Fitted:

@@ -30,6 +30,7 @@ from gtcad._patch_kinds import (
     LoftedEntry,
     RotationEntry,
     RuledEntry,
+    SweepEntry,
     SweptEntry,
     SwungEntry,
     patch_data,
@@ -57,6 +58,7 @@ Entry = Annotated[
     | RuledEntry
     | CylinderEntry
     | ConeEntry
+    | SweepEntry
     | SweptEntry
     | SwungEntry
     | RotationEntry

@@ -18,6 +18,7 @@ from gtcad._entries import (
     ShapeEntry,
     Shapes,
     SurfacePoint,
+    Yes,
     basis_fields,
     gamma_fields,
 )
@@ -38,26 +39,20 @@ Placement = Annotated[
     ),
 ]
 
-_CURVES = ("a", "b", "curve", "profile", "trajectory", "c0", "c1", "d0", "d1")
+_CURVES = ("a", "b", "curve", "profile", "trajectory", "spine", "c0", "c1", "d0", "d1")
 
 
 class PatchEntry(ShapeEntry):
     """A patch made of curves, which are spelled out or named."""
 
-    def curves(self) -> Iterator[tuple[Location, CurveFields | str]]:
-        """The curves and where they stand."""
-        for field in type(self).model_fields:
-            value = getattr(self, field)
-            if isinstance(value, CurveFields | str) and field not in ("name", "kind", "color", "family_v"):
-                yield (field,), value
-            elif isinstance(value, list):
-                yield from (
-                    ((field, k), entry) for k, entry in enumerate(value) if isinstance(entry, CurveFields | str)
-                )
-
     def references(self) -> Iterator[tuple[Location, str]]:
         """The named curves."""
-        yield from ((location, curve) for location, curve in self.curves() if isinstance(curve, str))
+        for field in (*_CURVES, "sections"):
+            value = getattr(self, field, None)
+            if isinstance(value, str):
+                yield (field,), value
+            elif isinstance(value, list):
+                yield from (((field, k), entry) for k, entry in enumerate(value) if isinstance(entry, str))
 
     def found(self, shapes: Shapes, field: str) -> SeparableCurve:
         """The curve of a field."""
@@ -154,6 +149,43 @@ class RotationEntry(PatchEntry):
         return patches.Rotation(self.found(shapes, "profile"), *turn, self.placement)
 
 
+class SweepEntry(PatchEntry):
+    """A profile swept along a spine with a moving frame."""
+
+    kind: Literal["sweep"]
+    profile: CurveField = Field(description="(x, y) in the normal plane, or (x, y, z) with z along the spine.")
+    spine: CurveField = Field(description="The curve in space that the profile's origin runs along.")
+    frame: Annotated[
+        Literal["rotation-minimising", "frenet", "fixed"],
+        BeforeValidator(checks.one_of("rotation-minimising", "frenet", "fixed")),
+    ] = Field(default="rotation-minimising", description="How the profile turns with the spine.")
+    start_normal: Annotated[SurfacePoint | None, BeforeValidator(checks.optional(checks.point(3)))] = Field(
+        default=None, description="Where x points at the start; chosen when left out. Not for the Frenet frame."
+    )
+    scale: Annotated[list[float], BeforeValidator(checks.numbers)] = Field(
+        default=[1.0],
+        description="Bernstein coefficients of the profile's scale: [1, 0.5] shrinks it evenly by half.",
+        min_length=1,
+        max_length=61,
+    )
+    twist: Number = Field(default=0.0, description="Degrees that the profile turns besides, evenly.")
+    closed: Yes = Field(default=False, description="Whether to twist so that the frame of a closed spine closes.")
+    placement: Placement
+
+    def build(self, shapes: Shapes) -> SeparableSurface:
+        """The patch."""
+        return patches.Sweep(
+            self.found(shapes, "profile"),
+            self.found(shapes, "spine"),
+            frame=self.frame,
+            start_normal=self.start_normal,
+            scale=self.scale,
+            twist_deg=self.twist,
+            closed=self.closed,
+            placement=self.placement,
+        )
+
+
 class LoftedEntry(PatchEntry):
     """The patch through sections of one kind."""
 
@@ -196,6 +228,7 @@ PATCH_ENTRIES: dict[str, type[PatchEntry]] = {
     "swept": SweptEntry,
     "swung": SwungEntry,
     "rotation": RotationEntry,
+    "sweep": SweepEntry,
     "lofted": LoftedEntry,
     "coons": CoonsEntry,
 }
@@ -210,6 +243,11 @@ def patch_data(patch: SeparableSurface) -> tuple[str, dict[str, Any]] | None:
         case patches.Rotation():
             axis = {"axis_point": list(patch.axis_point), "axis_direction": list(patch.axis_direction)}
             fields = axis | {"angle": patch.angle_deg, "start": patch.start_deg} | _placement(patch.placement)
+        case patches.Sweep():
+            fields = {"frame": patch.frame, "scale": list(patch.scale), "twist": patch.twist_deg}
+            if patch.start_normal is not None:
+                fields["start_normal"] = list(patch.start_normal)
+            fields |= ({"closed": True} if patch.closed else {}) | _placement(patch.placement)
         case patches.Lofted():
             fields = {"parameters": list(patch.parameters)} | basis_fields("family_v", patch.family_v)
             fields |= gamma_fields("gamma_v", patch.gamma_v, patch.family_v)

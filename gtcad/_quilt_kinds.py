@@ -19,6 +19,7 @@ from gtcad._patch_kinds import (
     LoftedEntry,
     RotationEntry,
     RuledEntry,
+    SweepEntry,
     SweptEntry,
     SwungEntry,
     patch_data,
@@ -43,6 +44,7 @@ PatchField = Annotated[
     | Annotated[RuledEntry, Tag(f"{INLINE}ruled")]
     | Annotated[CylinderEntry, Tag(f"{INLINE}cylinder")]
     | Annotated[ConeEntry, Tag(f"{INLINE}cone")]
+    | Annotated[SweepEntry, Tag(f"{INLINE}sweep")]
     | Annotated[SweptEntry, Tag(f"{INLINE}swept")]
     | Annotated[SwungEntry, Tag(f"{INLINE}swung")]
     | Annotated[RotationEntry, Tag(f"{INLINE}rotation")]

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 UNIT_ROUNDOFF = 2.0**-53
-_VALUES_AT_ONCE = 200_000  # floats in one block of samples: stays in cache, bounds the memory
+_VALUES_AT_ONCE = 50_000  # floats in one block of samples: stays in cache, bounds the memory
 _STAGES = (2.5, 5.0, 9.0)  # nodes for each degree on the way to the final number: sieve out series that cannot matter
 
 

@@ -134,6 +134,14 @@ class SeparableSurface(abc.ABC):
         """Space dimension d."""
         return int(self.coefficients.shape[-1])
 
+    @property
+    def definition_error(self) -> float:
+        """Bound of the distance of the points of equal parameters from what the surface stands for, proved.
+
+        0 for surfaces that are what their terms say; proofs of deviations include it.
+        """
+        return 0.0
+
     def evaluate(self, u: ArrayLike, v: ArrayLike) -> Array:
         """Points S(u, v), shape broadcast(u, v).shape + (d,).
 

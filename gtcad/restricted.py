@@ -65,6 +65,11 @@ class RestrictedSurface(WithIsoparametrics):
         """The coefficients of the whole."""
         return self.shape.coefficients
 
+    @property
+    def definition_error(self) -> float:
+        """That of the whole."""
+        return self.shape.definition_error
+
     def reversed(self, direction: str) -> RestrictedSurface:
         """The same points with one parameter, "u" or "v", running backwards."""
         if direction not in ("u", "v"):

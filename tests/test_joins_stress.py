@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pytest
@@ -34,9 +35,14 @@ class Join:
     order: str
 
     @property
-    def count(self) -> int:
+    def count(self):
         """Derivatives that are joined, the point included."""
         return int(self.order[1]) + 1
+
+    @cached_property
+    def ends(self):
+        """(derivatives, sizes of their terms) at the end of the first and at the start of the second."""
+        return ends(self.first, 1, self.count), ends(self.second, 0, self.count)
 
 
 def random_basis(rng, least):
@@ -116,7 +122,7 @@ def assert_meets(a, b, join):
             continue
         least = max(
             CANCELLED * terms[k] / (1.0 if by_arc is None else np.linalg.norm(speeds[1]) ** k)
-            for speeds, terms in (ends(join.first, 1, join.count), ends(join.second, 0, join.count))
+            for speeds, terms in join.ends
         )
         larger = max(np.linalg.norm(one), np.linalg.norm(other))
         assert np.linalg.norm(other - one) <= limits[k - 1] * max(larger, least), (join.order, k, by_arc)
@@ -126,8 +132,7 @@ def assert_meets(a, b, join):
 
 
 def residual(join):
-    before, terms_before = ends(join.first, 1, join.count)
-    after, terms_after = ends(join.second, 0, join.count)
+    (before, terms_before), (after, terms_after) = join.ends
     rule = chain_rule(join.scale, join.count)
     missed = np.linalg.norm(after - rule @ before, axis=1)[1:]
     terms = (terms_after + np.abs(rule) @ terms_before)[1:]

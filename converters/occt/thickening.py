@@ -137,14 +137,17 @@ def _read(data: bytes) -> Any:
 
 def _main() -> None:
     """Offset the shape of the standard input by the distance of the first argument, rounded at convex edges."""
+    output = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # the kernel prints messages
     maker = _BRepOffset.BRepOffset_MakeOffset()
     skin, arc = _BRepOffset.BRepOffset_Mode.BRepOffset_Skin, _GeomAbs.GeomAbs_JoinType.GeomAbs_Arc
     solid, thickness = _read(sys.stdin.buffer.read()), float(sys.argv[1])
     maker.Initialize(solid, thickness, TOLERANCE, skin, False, False, arc, False, False)
     maker.MakeOffsetShape()
-    if not maker.IsDone():
-        sys.exit(str(maker.Error()).rpartition("_")[2])
-    sys.stdout.buffer.write(_written(maker.Shape()))
+    if not maker.IsDone() or maker.Shape().IsNull():
+        sys.exit("nothing is left of it" if maker.IsDone() else str(maker.Error()).rpartition("_")[2])
+    with output:
+        output.write(_written(maker.Shape()))
 
 
 if __name__ == "__main__":

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from gtcad.patches.ruled import Ruled as Ruled
     from gtcad.patches.ruled import cone as cone
     from gtcad.patches.ruled import cylinder as cylinder
+    from gtcad.patches.sweep import Sweep as Sweep
+    from gtcad.patches.sweep import sweep_parts as sweep_parts
     from gtcad.patches.swept import Swept as Swept
     from gtcad.patches.swung import Swung as Swung
 
@@ -27,10 +29,12 @@ __getattr__, __dir__, __all__ = lazy_names(
         "Lofted": "lofted",
         "Rotation": "rotation",
         "Ruled": "ruled",
+        "Sweep": "sweep",
         "Swept": "swept",
         "Swung": "swung",
         "cone": "ruled",
         "coons_from_loop": "coons",
         "cylinder": "ruled",
+        "sweep_parts": "sweep",
     },
 )

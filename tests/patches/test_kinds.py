@@ -203,5 +203,6 @@ def test_step_files_hold_what_is_proved(tmp_path: Path):
 def test_names_of_the_package():
     classes = {type(sample.patch) for sample in SAMPLES}
     assert classes == {Ruled, Swept, Swung, Rotation, Lofted, Coons}
-    assert set(patches.__all__) == {kind.__name__ for kind in classes} | {"cylinder", "cone", "coons_from_loop"}
+    functions = {"cylinder", "cone", "coons_from_loop", "sweep_parts"}
+    assert set(patches.__all__) == {kind.__name__ for kind in classes} | {"Sweep"} | functions
     assert set(patches.__all__) <= set(dir(patches))

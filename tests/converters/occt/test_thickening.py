@@ -179,13 +179,22 @@ def test_an_offset_that_needs_too_many_spans_is_refused():
 # --- bodies with creases ----------------------------------------------------------------------------------------------
 
 
-def test_a_box_becomes_hollow():
-    body = thicken(bodies.fitted(bodies.box(), TOLERANCE), -0.5, tolerance=TOLERANCE)
+def test_an_angle_becomes_hollow_with_a_round_edge_around_its_inner_corner():
+    outline = [(0, 0), (4, 0), (4, 2), (2, 2), (2, 4), (0, 4)]
+    around = zip(outline, [*outline[1:], outline[0]], strict=True)
+    sides = [bodies.bilinear([[[*a, 0], [*a, 5]], [[*b, 0], [*b, 5]]]) for a, b in around]
+    body = thicken(bodies.fitted(sides, TOLERANCE), -0.5, tolerance=TOLERANCE, caps="planar")
     assert is_valid(body.shape)
-    assert edge_uses(body.shape) == EdgeUses(shared=24)
-    assert body.volume == pytest.approx(6000 - 9 * 19 * 29, rel=1e-10)
+    assert edge_uses(body.shape).closed
+    assert body.volume == pytest.approx(60 - 4 * (5 + (1 - math.pi / 4) / 4), rel=1e-9)
     assert body.exact_volume is None
-    assert list(body.faces) == [*(f"patch {k}" for k in range(1, 7)), *(f"offset {k}" for k in range(1, 7))]
+    assert body.deviation <= TOLERANCE
+    assert list(body.faces) == [
+        *(f"patch {k}" for k in range(1, 7)),
+        "cap 1",
+        "cap 2",
+        *(f"offset {k}" for k in range(1, 10)),
+    ]
 
 
 def test_a_capped_tube_is_clad_with_round_edges():
@@ -198,7 +207,7 @@ def test_a_capped_tube_is_clad_with_round_edges():
 
 
 def test_a_hollow_of_a_body_that_is_too_thin_is_refused():
-    with pytest.raises(KernelError):
+    with pytest.raises(KernelError, match=r"by -6 mm: nothing is left of it"):
         thicken(bodies.fitted(bodies.box(), TOLERANCE), -6.0, tolerance=TOLERANCE)
 
 
