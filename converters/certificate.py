@@ -36,6 +36,7 @@ _MAX_NODES = 192
 _PARTS = 8
 _ONES = (np.ones(1), np.ones(1))
 _BLOCK = 3_000_000  # floats in one block of differences: bounds the memory
+_IN_CACHE = 16_000  # floats that are made, subtracted and transformed at a time
 _NEGLIGIBLE = 4 * UNIT_ROUNDOFF
 
 
@@ -143,23 +144,15 @@ def certify_surface(
     rounding = u.rounding * bound_v + v.rounding * bound_u + 16 * UNIT_ROUNDOFF
     slack = size * (tail + lebesgue(u.count) * lebesgue(v.count) * rounding)
     fractional = rational or u.mapped or v.mapped
+    lines = _across(v, surface, spline)
     blocks = []
     step = max(1, _BLOCK // (u.count * v.count * v.spans * (spline.dimension + 1)))
     for start in range(0, u.spans, step):
-        part = slice(start, start + step)
-        difference = _shape_values(u, v, part, surface.coefficients)
-        fitted = _spline_values(u, v, part, spline)
-        known, least, most = None, *_ONES
+        part = slice(start, min(start + step, u.spans))
         if fractional:
-            denominator = u.denominator[part, :, None, None, None] * v.denominator.T
-            difference, common = _over_common(difference, fitted, denominator, rational)
-            least, most = _range(_series(u, v, common), floor)
+            known, (series, least, most) = None, _quotients(u, v, part, lines, floor, rational)
         else:
-            difference -= fitted
-            known = _largest(u, v, difference)
-        series = _series(u, v, difference)
-        if fractional:
-            series = series / least[:, None, None, None]
+            (series, known), (least, most) = _differences(u, v, part, lines), _ONES
         found = maximum(series, rtol=rtol, known=known, limit=limit)
         span_u, span_v = divmod(found.index, v.spans)
         x = u.parameter(start + span_u, found.place[0]), v.parameter(span_v, found.place[1])
@@ -283,39 +276,67 @@ def _range(series: Array, floor: float) -> tuple[Array, Array]:
     return np.maximum(flat[:, 0] - spread, floor), flat[:, 0] + spread
 
 
+def _across(v: _Direction, surface: SeparableSurface, spline: BSplineSurface) -> tuple[Array, Array]:
+    """Coefficients of the curves along u at all nodes of v, of shape and spline, (count of u, d, nodes_v, spans_v)."""
+    shape = np.moveaxis(surface.coefficients, -1, 1) @ v.shape_rows.reshape(-1, v.shape_rows.shape[-1]).T
+    shape = shape.reshape(*shape.shape[:2], v.spans, v.count).swapaxes(2, 3)
+    poles = spline.homogeneous.swapaxes(0, 1)
+    fitted = v.local @ poles.reshape(len(poles), -1)[v.columns]
+    fitted = fitted.reshape(*fitted.shape[:2], *poles.shape[1:]).transpose(2, 3, 1, 0)
+    return np.ascontiguousarray(shape), np.ascontiguousarray(fitted)
+
+
+def _values(u: _Direction, part: slice, lines: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Values of shape and spline at all nodes of some spans of u, (spans_u, nodes_u, d, nodes_v, spans_v)."""
+    shape, fitted = lines
+    rows, local, near = u.shape_rows[part], u.local[part], fitted[u.columns[part]]
+    model = rows @ shape.reshape(len(shape), -1)
+    held = local @ near.reshape(*near.shape[:2], -1)
+    return model.reshape(*rows.shape[:2], *shape.shape[1:]), held.reshape(*rows.shape[:2], *fitted.shape[1:])
+
+
+def _differences(u: _Direction, v: _Direction, part: slice, lines: tuple[Array, Array]) -> tuple[Array, Maximum]:
+    """Series of shape - spline, and the largest of the values that they interpolate."""
+    found, best = [], None
+    step = max(1, _IN_CACHE // (u.count * lines[0][0].size))
+    for start in range(part.start, part.stop, step):
+        values, held = _values(u, slice(start, min(start + step, part.stop)), lines)
+        values -= held
+        largest = _largest(u, v, values, (start - part.start) * v.spans)
+        best = largest if best is None or largest.lower > best.lower else best
+        found.append(_series(u, v, values))
+    assert best is not None
+    return _by_rectangle(np.concatenate(found, axis=-1)), best
+
+
+def _quotients(
+    u: _Direction, v: _Direction, part: slice, lines: tuple[Array, Array], floor: float, rational: bool
+) -> tuple[Array, Array, Array]:
+    """Series of the numerator of shape - spline over the least denominator of each rectangle, and that one's range."""
+    model, held = _values(u, part, lines)
+    numerator, common = _over_common(model, held, u.denominator[part, :, None, None, None] * v.denominator.T, rational)
+    least, most = _range(_by_rectangle(_series(u, v, common)), floor)
+    return _by_rectangle(_series(u, v, numerator) / least), least, most
+
+
 def _series(u: _Direction, v: _Direction, values: Array) -> Array:
-    """One series for each rectangle, (rectangles, K, L, d), from values (spans_u, nodes_u, d, nodes_v, spans_v)."""
-    # coordinates first and rectangles last in memory, as ``maximum`` likes it: few products of large matrices
-    values = np.ascontiguousarray(values.transpose(2, 1, 3, 0, 4)).reshape(-1, u.count, values.shape[3], values.shape[0]*values.shape[4])
-    half = transform(u.count) @ values.reshape(len(values), u.count, -1)
-    series = np.matmul(transform(v.count), half.reshape(values.shape), out=values)
+    """One series for each rectangle, (d, K, L, rectangles), from values (spans_u, nodes_u, d, nodes_v, spans_v)."""
+    values = np.ascontiguousarray(values.transpose(2, 1, 3, 0, 4))
+    series = transform(u.count) @ values.reshape(len(values), u.count, -1)
+    return np.asarray(transform(v.count) @ series.reshape(len(values), u.count, v.count, -1))
+
+
+def _by_rectangle(series: Array) -> Array:
+    """A view as (rectangles, K, L, d)."""
     return np.moveaxis(series, (0, -1), (-1, 0))
 
 
-def _largest(u: _Direction, v: _Direction, difference: Array) -> Maximum:
-    """The largest of the values that a family of rectangles is interpolated from."""
-    squares = np.einsum("aidjb,aidjb->aijb", difference, difference)
+def _largest(u: _Direction, v: _Direction, values: Array, first: int) -> Maximum:
+    """The largest of the values; ``first`` is the index of the first rectangle."""
+    squares = np.einsum("aidjb,aidjb->aijb", values, values)
     a, i, j, b = (int(k) for k in np.unravel_index(int(squares.argmax()), squares.shape))
     z = float(nodes(u.count)[i]), float(nodes(v.count)[j])
-    return Maximum(math.sqrt(squares[a, i, j, b]), 0.0, a * v.spans + b, z)
-
-
-def _shape_values(u: _Direction, v: _Direction, part: slice, coefficients: Array) -> Array:
-    """Values on all nodes of all rectangles, (spans_u, nodes_u, d, nodes_v, spans_v), for the spans of u in the part."""
-    rows = u.shape_rows[part]
-    lines = np.moveaxis(coefficients, -1, 1) @ v.shape_rows.reshape(-1, v.shape_rows.shape[-1]).T
-    lines = lines.reshape(*lines.shape[:2], v.spans, v.count).swapaxes(2, 3)
-    return np.asarray(rows @ lines.reshape(len(lines), -1)).reshape(*rows.shape[:2], *lines.shape[1:])
-
-
-def _spline_values(u: _Direction, v: _Direction, part: slice, spline: BSplineSurface) -> Array:
-    """Homogeneous values on the same nodes, for the same spans."""
-    local = u.local[part]
-    poles = spline.homogeneous.swapaxes(0, 1)
-    lines = v.local @ poles.reshape(len(poles), -1)[v.columns]
-    lines = lines.reshape(*lines.shape[:2], *poles.shape[1:]).transpose(2, 3, 1, 0)  # (poles_u, d, nodes_v, spans_v)
-    near = lines.reshape(len(lines), -1)[u.columns[part]]
-    return np.asarray(local @ near).reshape(*local.shape[:2], *lines.shape[1:])
+    return Maximum(math.sqrt(squares[a, i, j, b]), 0.0, first + a * v.spans + b, z)
 
 
 def _size(coefficients: Array, poles: Array) -> float:

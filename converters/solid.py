@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Real
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -104,12 +105,12 @@ def thicken(fit: QuiltFit, thickness: float, *, tolerance: float, caps: Caps = "
     fit
         In mm.
     thickness
-        In mm, not 0: positive along the normals of the quilt (``quilt.flipped``; out of a closed one), negative against
-        them.
+        In mm, not 0: positive along the normals, negative against them. Those of a body that is closed, by caps too,
+        point outwards, those of an open quilt as ``quilt.flipped`` says.
     tolerance
         Largest distance of the offset's faces from the exact offset, in mm.
     caps
-        As of ``solid_of``: "planar" makes the closed body hollow.
+        As of ``solid_of``: with "planar" an open quilt becomes a hollow body, not a sheet.
 
     Returns
     -------
@@ -135,8 +136,10 @@ def thicken(fit: QuiltFit, thickness: float, *, tolerance: float, caps: Caps = "
     limit is estimated, and a margin of 1 % is kept. Not tested is whether parts of the wall that are far from each
     other on the surface meet in space. Of offsets over creases only samples are tested, and no volume.
     """
-    _check_positive("tolerance", tolerance)
-    _check_positive("the size of thickness", abs(thickness))
+    if not _is_positive(tolerance):
+        raise InputError(f"tolerance must be a positive number of mm, got {tolerance!r}")
+    if not (isinstance(thickness, Real) and _is_positive(abs(thickness))):
+        raise InputError(f"thickness must be a finite number of mm other than 0, got {thickness!r}")
     quilt = fit.quilt
     _check_quilt(quilt, caps, open_too=True)
     if quilt.free and caps == "planar":
@@ -152,9 +155,8 @@ def thicken(fit: QuiltFit, thickness: float, *, tolerance: float, caps: Caps = "
     return _hollow(_solid(fit, _oriented(fit)), thickness, tolerance)
 
 
-def _check_positive(name: str, value: float) -> None:
-    if not 0 < value < math.inf:
-        raise InputError(f"{name} must be a positive number of mm, got {value}")
+def _is_positive(value: object) -> bool:
+    return isinstance(value, Real) and 0 < value < math.inf
 
 
 def _smooth_wall(fit: QuiltFit, thickness: float, tolerance: float) -> Body:

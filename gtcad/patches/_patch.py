@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 Rows = tuple[tuple[float, ...], ...]
 
+_SIMILAR = 1e-14  # how far a matrix may be from a similarity by rounding
 LINEAR = Basis(1, family=BERNSTEIN)  # 1 - v and v
 
 
@@ -151,3 +152,15 @@ def placed(terms: SurfaceOfTerms, placement: Rows | None) -> SurfaceOfTerms:
         return terms
     rows = np.array(placement)
     return terms.transformed(rows[:, :3], rows[:, 3])
+
+
+def handedness(matrix: ArrayLike) -> int:
+    """1 or -1, the sign of the determinant, for the matrix of a similarity of space; 0 for any other."""
+    linear = np.asarray(matrix, dtype=np.float64)
+    if linear.shape != (3, 3) or not np.isfinite(linear).all():
+        return 0
+    squares = linear.T @ linear
+    size = float(np.trace(squares)) / 3
+    if size == 0 or np.abs(squares - size * np.eye(3)).max() > _SIMILAR * size:
+        return 0
+    return 1 if np.linalg.det(linear) > 0 else -1

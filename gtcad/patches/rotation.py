@@ -21,14 +21,13 @@ from gtcad.patches._patch import (
     checked_placement,
     checked_vector,
     followed,
+    handedness,
     in_space,
     placed,
 )
 from gtcad.protocol import Factors, SeparableCurve, affine
 
 Array = NDArray[np.float64]
-
-_ROUNDING = 1e-14  # how far a matrix may be from a similarity by rounding
 
 
 @dataclass(frozen=True)
@@ -127,7 +126,7 @@ class Rotation(Patch):
 
     def transformed(self, matrix: ArrayLike, translation: ArrayLike | None = None) -> Rotation:
         """The affine image: points x become ``matrix @ x + translation``; of a similarity it has no placement."""
-        if self.placement is None and (turn := _handedness(matrix)):
+        if self.placement is None and (turn := handedness(matrix)):
             profile = self.profile.transformed(matrix, translation)
             point = affine(np.array(self.axis_point), matrix, translation)
             direction = turn * affine(np.array(self.axis_direction), matrix, None)
@@ -139,15 +138,3 @@ def _cosine(degrees: float) -> float:
     """The cosine, exact at right angles."""
     rest = abs(math.remainder(degrees, 360.0))
     return math.sin(math.radians(90 - rest))
-
-
-def _handedness(matrix: ArrayLike) -> int:
-    """1 or -1, the sign of the determinant, for the matrix of a similarity of space; 0 for any other."""
-    linear = np.asarray(matrix, dtype=np.float64)
-    if linear.shape != (3, 3) or not np.isfinite(linear).all():
-        return 0
-    squares = linear.T @ linear
-    size = float(np.trace(squares)) / 3
-    if size == 0 or np.abs(squares - size * np.eye(3)).max() > _ROUNDING * size:
-        return 0
-    return 1 if np.linalg.det(linear) > 0 else -1

@@ -36,10 +36,10 @@ from gtcad.patches._patch import (
     checked_number,
     checked_placement,
     followed,
+    handedness,
     in_space,
     placed,
 )
-from gtcad.patches.rotation import _handedness
 from gtcad.polynomial import Polynomials
 from gtcad.protocol import SeparableCurve
 from gtcad.queries import split
@@ -226,7 +226,7 @@ class Sweep(Patch):
 
     def transformed(self, matrix: ArrayLike, translation: ArrayLike | None = None) -> Sweep:
         """The affine image: points x become ``matrix @ x + translation``; of a similarity it has no placement."""
-        if self.placement is not None or not (hand := _handedness(matrix)):
+        if self.placement is not None or not (hand := handedness(matrix)):
             return replace(self, placement=followed(self.placement, matrix, translation))
         linear = np.asarray(matrix, dtype=np.float64)
         size = float(np.linalg.norm(linear[0]))
