@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gtcad.basis import BERNSTEIN, Basis
+from gtcad.chebyshev import UNIT_ROUNDOFF
 from gtcad.errors import InputError
 from gtcad.factors import SurfaceOfTerms, Waves
 from gtcad.protocol import Factors
@@ -128,8 +129,11 @@ class Quadric:
 
     @property
     def full_turns(self) -> tuple[bool, bool]:
-        """Whether u, and whether v, goes through a full turn."""
-        full_u, full_v = (abs(abs(b - a) - FULL_TURN) <= _SLACK for a, b in (self.u_range, self.v_range))
+        """Whether u, and whether v, goes through a full turn, to the last digits of its ends."""
+        full_u, full_v = (
+            abs(abs(b - a) - FULL_TURN) <= 4 * UNIT_ROUNDOFF * (abs(a) + abs(b))
+            for a, b in (self.u_range, self.v_range)
+        )
         return full_u and self.kind != "plane", full_v and self.kind == "torus"
 
     def meridian(self, v: ArrayLike) -> tuple[Array, Array]:

@@ -30,7 +30,7 @@ _ADAPTATION_GAIN = 12.0  # adapted knots have not been seen to divide the error 
 _MARGIN = 0.97  # of the goal: the true maximum lies a little above the largest sample
 _FIRST_SPANS = 4  # where the search for the first number of poles begins
 _GUESSES = 64  # 2 to the power of the guesses that may be made before it bisects
-_WORST = 48  # samples of one direction that stand for all when it is combined with the other one
+_WORST = 16  # samples of one direction that stand for all when it is combined with the other one
 _CHOICES = 10  # numbers of poles of one direction that are paired with those of the other
 
 
@@ -245,7 +245,7 @@ def fewest_pair(
     def passing(a: Approximation | None, b: Approximation | None) -> tuple[_Pair, Proved] | None:
         if a is None or b is None:
             return None
-        if a.error + b.error > goal and _combined(a, b, coefficients) > goal:
+        if not _within(a, b, coefficients, goal):
             return None
         result = proof(a, b)
         return None if result is None else ((a, b), result)
@@ -321,13 +321,13 @@ class _Choices:
         return self.made[index]
 
 
-def _combined(a: Approximation, b: Approximation, coefficients: Array) -> float:
-    """Largest error of the tensor product where one of the two is worst, on the samples of both."""
-    if a.error + b.error == 0:
-        return 0.0
+def _within(a: Approximation, b: Approximation, coefficients: Array, goal: float) -> bool:
+    """Whether the tensor product is within the goal where one of the two is worst, on the samples of both."""
+    if a.error + b.error <= goal:
+        return True
     worst_a, worst_b = (np.argsort(-one.errors)[:_WORST] for one in (a, b))
     along_a = _difference(a, b, worst_a, slice(None), coefficients)
-    return max(along_a, _difference(a, b, slice(None), worst_b, coefficients))
+    return along_a <= goal and _difference(a, b, slice(None), worst_b, coefficients) <= goal
 
 
 def _difference(a: Approximation, b: Approximation, rows: _Index, columns: _Index, coefficients: Array) -> float:

@@ -6,7 +6,6 @@ import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from numbers import Real
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -136,9 +135,9 @@ def thicken(fit: QuiltFit, thickness: float, *, tolerance: float, caps: Caps = "
     limit is estimated, and a margin of 1 % is kept. Not tested is whether parts of the wall that are far from each
     other on the surface meet in space. Of offsets over creases only samples are tested, and no volume.
     """
-    if not _is_positive(tolerance):
+    if not 0 < _number(tolerance) < math.inf:
         raise InputError(f"tolerance must be a positive number of mm, got {tolerance!r}")
-    if not (isinstance(thickness, Real) and _is_positive(abs(thickness))):
+    if not 0 < abs(_number(thickness)) < math.inf:
         raise InputError(f"thickness must be a finite number of mm other than 0, got {thickness!r}")
     quilt = fit.quilt
     _check_quilt(quilt, caps, open_too=True)
@@ -155,8 +154,12 @@ def thicken(fit: QuiltFit, thickness: float, *, tolerance: float, caps: Caps = "
     return _hollow(_solid(fit, _oriented(fit)), thickness, tolerance)
 
 
-def _is_positive(value: object) -> bool:
-    return isinstance(value, Real) and 0 < value < math.inf
+def _number(value: Any) -> float:
+    """NaN for what is no number."""
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return math.nan
 
 
 def _smooth_wall(fit: QuiltFit, thickness: float, tolerance: float) -> Body:

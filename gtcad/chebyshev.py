@@ -148,9 +148,9 @@ def maximum(
     best = known or _largest(_sample(series, degrees), np.zeros(len(totals)))[0]
     quick = totals.copy()
     active = np.flatnonzero(quick > (1 + rtol) * best.lower)
-    kept = _effective_degrees(norms[..., active], rtol / 4 * best.lower)
+    kept = _effective_degrees(norms.take(active, axis=-1), rtol / 4 * best.lower)
     head = tuple(slice(0, k + 1) for k in kept)
-    heads = series[(slice(None), *head)]
+    heads = np.ascontiguousarray(series[(slice(None), *head)])
     beyond = totals - norms[head].reshape(-1, norms.shape[-1]).sum(axis=0)
     final = _node_ratio(rtol / 2, len(degrees))
     for ratio in (*(r for r in _STAGES if r < final), final):
@@ -164,7 +164,7 @@ def maximum(
             part = active[start : start + block]
             if quick[part[0]] <= (1 + rtol) * best.lower:
                 break  # sorted: no later one can matter
-            found, peaks = _largest(_sample(heads[..., part], shape), beyond[part])
+            found, peaks = _largest(_sample(heads.take(part, axis=-1), shape), beyond[part])
             quick[part] = np.minimum(quick[part], peaks * factor + beyond[part])
             if found.lower > best.lower:
                 best = replace(found, index=int(part[found.index]))

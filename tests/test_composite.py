@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gtcad import Curve
-from gtcad.composite import Composite
+from gtcad.composite import Composite, _System
 from gtcad.continuity import chain_rule
 from gtcad.errors import InputError, SingularJoin
 from tests import pieces
@@ -156,3 +156,63 @@ def test_bad_chains():
         Composite.solved((a, b), ("C1",), fixed=[(0, 7)])
     with pytest.raises(InputError, match="no control point 5 of piece 0"):
         Composite((a, b), ("C1",)).touched(0, 5)
+
+
+def test_the_slopes_of_the_moves_are_what_differences_say():
+    drawn = loop(np.random.default_rng(3), 3, 6, 3.0)
+    system = _System(Composite(tuple(drawn), ("G3", "G2", "G1"), True), [(0, 2)])
+    scales = [(1.3, 0.4, -0.2), (0.8, -0.3, 0.0), (1.1, 0.0, 0.0)]
+    slopes = system.slopes(scales, [0, 1, 2], system.solution(scales))
+    step, k = 1e-6, 0
+    for joint, count in enumerate((3, 2, 1)):
+        for factor in range(count):
+            moves = []
+            for sign in (1, -1):
+                changed = [list(scale) for scale in scales]
+                changed[joint][factor] *= np.exp(sign * step) if factor == 0 else 1.0
+                changed[joint][factor] += 0.0 if factor == 0 else sign * step
+                moves.append(system.solution([tuple(scale) for scale in changed]).moves)
+            assert slopes[k] == pytest.approx((moves[0] - moves[1]) / (2 * step), rel=1e-5, abs=1e-5)
+            k += 1
+
+
+def test_far_from_the_origin_and_one_piece_alone():
+    drawn = [piece.transformed(np.eye(3) / 60, [1e6, 1e6, 0]) for piece in loop(np.random.default_rng(0), 3, 6, 3.0)]
+    assert Composite.solved(drawn, ["G2"] * 3, closed=True).unmet() == ""
+    alone = Composite.solved([Curve(np.random.default_rng(3).normal(0, 10, (10, 2)))], ["G3"], closed=True)
+    assert alone.unmet() == ""
+
+
+def test_a_piece_without_a_tangent_is_refused():
+    first = Curve([[0, 0], [1, 1], [2, 0], [2, 0]])
+    with pytest.raises(SingularJoin, match="no tangent at joint 0"):
+        Composite.solved([first, Curve([[2, 0], [2, 0], [4, 0], [5, 0]])], ["C1"])
+    solved = Composite.solved([first, Curve([[2, 0], [3, 1], [4, 0], [5, 0]])], ["G1"])
+    assert solved.unmet() == ""
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"scales": [(2.0, 0.0, 0.0)]}, "is for G joins"),
+        ({"scales": [(0.0, 0.0, 0.0)]}, "eta > 0"),
+        ({"scales": ["abc"]}, "three finite numbers"),
+        ({"scales": [5]}, "three finite numbers"),
+        ({"fixed": [3]}, "pair of whole numbers"),
+        ({"fixed": [(0, 1.5)]}, "pair of whole numbers"),
+        ({"fixed": [(-1, 0)]}, "no piece -1"),
+    ],
+)
+def test_bad_scales_and_places(options, message):
+    pair = Curve([[0, 0], [1, 1], [2, 0]]), Curve([[2, 0], [3, 1], [4, 0]])
+    with pytest.raises(InputError, match=message):
+        Composite.solved(pair, ["C1"], **options)
+
+
+def test_what_is_no_chain():
+    with pytest.raises(InputError, match="at least one piece"):
+        Composite((), ())
+    with pytest.raises(InputError, match=r"pieces\[0\] must be a single curve, got int"):
+        Composite((3,), ())
+    with pytest.raises(InputError, match="no piece 5"):
+        Composite((Curve([[0, 0], [1, 1], [2, 0]]),), ()).touched(5)

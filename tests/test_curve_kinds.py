@@ -272,7 +272,7 @@ def test_construction_shapes_are_neither_exported_nor_checked(tmp_path: Path) ->
         (ARC | {"radius": None}, ": an arc has a radius and perhaps a normal, or axis_a and axis_b"),
         (ARC | {"angles": [0]}, ", angles: must be two angles in degrees in [-1000000.0, 1000000.0], got a list of 1"),
         (ARC | {"angles": [0, 1e9]}, ", angles[1]: must lie in [-1000000.0, 1000000.0], got 1000000000.0"),
-        (ARC | {"angles": [0, 361]}, ": start_deg and end_deg must be 1e-07 to 360 degrees apart, got 0.0 and 361.0"),
+        (ARC | {"angles": [0, 361]}, ", angles: must be 1e-07 to 360 degrees apart, got 0 and 361"),
         (AXES, ", angles: is missing"),
         (
             AXES | {"angles": [0, 9], "normal": [0, 0, 1]},

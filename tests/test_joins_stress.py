@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 from gtcad import BERNSTEIN, GT, Composite, Curve
-from gtcad.continuity import Thresholds, chain_rule, check_join, join_curve
+from gtcad.continuity import Start, Thresholds, chain_rule, check_join, join_curve
 from gtcad.converters import fit_curve
 from gtcad.converters.chain import fit_chain
-from gtcad.errors import SingularJoin
+from gtcad.errors import SingularJoin, ToleranceBelowPrecision
 from tests import pieces, reference
 
 ORDERS = ("C0", "C1", "C2", "C3", "G0", "G1", "G2", "G3")
@@ -111,6 +111,8 @@ def assert_meets(a, b, join):
     before = np.array([a.derivative(a.domain[1], k) for k in range(4)])
     after = np.array([b.derivative(b.domain[0], k) for k in range(4)])
     assert np.linalg.norm(after[0] - before[0]) <= LIMITS.gap
+    if join.count == 1:
+        return
     limits = (math.radians(LIMITS.angle_deg), LIMITS.curvature, LIMITS.curvature_rate)
     pairs = [(one, other, 1.0) for one, other in zip(by_length(before), by_length(after), strict=True)]
     if join.order[0] == "C":
@@ -129,7 +131,7 @@ def assert_meets(a, b, join):
         there = there and larger >= least
     if there:
         found = check_join(a, b, thresholds=LIMITS)
-        # TODO when reports hold both orders: one that is C2 and, by chance, G3 is called G3 alone
+        # a report holds one order: what is C2 and, by chance, G3 is called G3 alone
         assert found.meets(join.order) or int(found.order[1]) >= join.count
 
 
@@ -153,8 +155,12 @@ def assert_joined(order, count, seed):
 def assert_joined_after_conversion(order, count, seed):
     for join in random_joins(order, count, seed):
         settings = {"tolerance": TOLERANCE, "exact": False, "adapt": False}
-        before = fit_curve(join.first, end_order=(0, join.count - 1), **settings)
-        after = fit_curve(join.second, end_order=(join.count - 1, 0), **settings)
+        try:
+            before = fit_curve(join.first, end_order=(0, join.count - 1), **settings)
+            after = fit_curve(join.second, end_order=(join.count - 1, 0), **settings)
+        except ToleranceBelowPrecision:  # so badly determined that control points are far beyond the curve
+            assert min(Start.of(join.second.factors, join.count - 1).conditioning) < 1e-3
+            continue
         assert max(before.deviation[1], after.deviation[1]) <= TOLERANCE
         assert_meets(before.spline, after.spline, join)
 

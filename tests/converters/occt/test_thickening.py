@@ -82,7 +82,7 @@ def test_a_wall_that_folds_is_refused_with_the_place_and_the_limit():
 
 def test_wrong_arguments_are_refused():
     fit = bodies.fitted([bodies.torus()])
-    for thickness in (0.0, math.nan, math.inf, "1", None):
+    for thickness in (0.0, math.nan, math.inf, "thick", None):
         with pytest.raises(InputError, match="thickness must be a finite number of mm other than 0, got"):
             thicken(fit, thickness, tolerance=TOLERANCE)
     with pytest.raises(InputError, match="tolerance must be a positive number of mm, got -1"):
