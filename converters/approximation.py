@@ -152,8 +152,11 @@ class Problem:
         if weights is not None:
             scale = np.sqrt(weights)[:, None]
             design, rest = design * scale, rest * scale
-        q, r = np.linalg.qr(design)
-        matrix[self.inner] = np.linalg.solve(r, q.T @ rest)
+        count = design.shape[1]
+        triangle = np.linalg.qr(np.concatenate([design, rest], axis=1), mode="r")[
+            :count
+        ]  # the products with Q beside R
+        matrix[self.inner] = scipy.linalg.solve_triangular(triangle[:, :count], triangle[:, count:], check_finite=False)
         return matrix
 
     @cached_property
@@ -266,14 +269,20 @@ def few_poles(knots: Knots) -> bool:
 
 def equidistributed(bundle: Bundle, degree: int, spans: int) -> Array:
     """Breaks that share the integral of ``|(p + 1)-th derivative|^(1 / (p + 1))`` equally, shape (spans + 1,)."""
+    grid, total = _shares(bundle, degree)
+    breaks = np.interp(np.linspace(0, total[-1], spans + 1), total, grid)
+    breaks[0], breaks[-1] = 0.0, 1.0
+    return np.asarray(breaks)
+
+
+@lru_cache(maxsize=64)
+def _shares(bundle: Bundle, degree: int) -> tuple[Array, Array]:
+    """Places, and the integral up to each: not quite 0 anywhere, or spans would have no end."""
     t = (nodes(_DENSITY_POINTS) + 1) / 2
     norms = bundle.norms(bundle.factors.rows(t, degree + 1).T)
     density = (norms / max(norms.max(), 1e-300)) ** (1 / (degree + 1)) + 0.02
     grid = np.concatenate([[0.0], (t[1:] + t[:-1]) / 2, [1.0]])
-    total = np.concatenate([[0.0], np.cumsum(np.diff(grid) * density)])
-    breaks = np.interp(np.linspace(0, total[-1], spans + 1), total, grid)
-    breaks[0], breaks[-1] = 0.0, 1.0
-    return np.asarray(breaks)
+    return grid, np.concatenate([[0.0], np.cumsum(np.diff(grid) * density)])
 
 
 def of_kind(factors: Factors, degree: int, continuity: int, end_order: EndOrder, spans: int) -> Approximation | None:
@@ -288,9 +297,14 @@ def of_kind(factors: Factors, degree: int, continuity: int, end_order: EndOrder,
 def _of_kind(
     kept: KeyedFactors, degree: int, continuity: int, end_order: tuple[int, int], spans: int
 ) -> Approximation | None:
-    factors = kept.factors
-    bundle = Bundle(factors, np.eye(factors.count)[:, :, None])
+    bundle = _all_factors(kept)
     knots = Knots.smooth(equidistributed(bundle, degree, spans), degree, continuity)
     if not has_room(knots, end_order):
         return None
     return approximate(bundle, knots, end_order, steps=2 if knots.poles <= MOST_POLES else 0)
+
+
+@lru_cache(maxsize=64)
+def _all_factors(kept: KeyedFactors) -> Bundle:
+    """Each factor as a curve of its own."""
+    return Bundle(kept.factors, np.eye(kept.factors.count)[:, :, None])

@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from gtcad.model import Model as Model
     from gtcad.model import dump_model as dump_model
     from gtcad.model import load_model as load_model
+    from gtcad.quilt import Quilt as Quilt
     from gtcad.restricted import Restricted as Restricted
+    from gtcad.solid import Solid as Solid
     from gtcad.surface import Surface as Surface
 
     from . import combs as combs
@@ -48,7 +50,9 @@ __getattr__, __dir__, __all__ = lazy_names(
         "Family": "basis",
         "GtcadError": "errors",
         "Model": "model",
+        "Quilt": "quilt",
         "Restricted": "restricted",
+        "Solid": "solid",
         "Surface": "surface",
         "combs": "combs",
         "conics": "conics",

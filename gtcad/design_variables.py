@@ -8,6 +8,7 @@ g = 1 and at g = -1 differ by.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -26,7 +27,10 @@ from gtcad.protocol import SeparableCurve, SeparableSurface
 from gtcad.restricted import RestrictedCurve, RestrictedSurface
 from gtcad.surface import Surface
 
+Pair = tuple[float, float]
+
 _STEP = 1e-3  # in a design variable: of differences
+_ONE_SIDED = (-25 / 12, 4.0, -3.0, 4 / 3, -1 / 4)  # weights of the first derivative by the value and four beyond it
 
 STENCIL = ((-2, 1 / 12), (-1, -2 / 3), (1, 2 / 3), (2, -1 / 12))
 """Places and weights of the first derivative by a difference of the fourth order."""
@@ -172,14 +176,18 @@ def _rate(patch: SeparableSurface, name: str, index: int) -> SurfaceOfTerms:
     if isinstance(patch, Lofted) and name == "gamma_v":
         return _loft_rate(patch, index)
     gamma = design_variables(patch)[name]
+    ends: Sequence[Pair] = ((1.0, 0.5), (-1.0, -0.5))
     if isinstance(patch, Sweep) and name == "spine":
-        middle = float(np.clip(gamma[index], 2 * _STEP - 1, 1 - 2 * _STEP))
-        return weighted_sum(
-            *((w / _STEP, _changed(patch, {name: _placed(gamma, index, middle + k * _STEP)})) for k, w in STENCIL)
-        )
-    return weighted_sum(
-        *((w, _changed(patch, {name: _placed(gamma, index, end)})) for end, w in ((1.0, 0.5), (-1.0, -0.5)))
-    )
+        ends = _difference(gamma[index])
+    return weighted_sum(*((weight, _changed(patch, {name: _placed(gamma, index, g)})) for g, weight in ends))
+
+
+def _difference(value: float) -> list[Pair]:
+    """Values within [-1, 1], and their weights in the derivative at the given one."""
+    if abs(value) <= 1 - 2 * _STEP:
+        return [(value + k * _STEP, weight / _STEP) for k, weight in STENCIL]
+    inward = -math.copysign(_STEP, value)
+    return [(value + k * inward, weight / inward) for k, weight in enumerate(_ONE_SIDED)]
 
 
 def _loft_rate(patch: Lofted, index: int) -> SurfaceOfTerms:

@@ -31,7 +31,7 @@ Pair = tuple[float, float]
 
 _RTOL = 1e-9
 _SAMPLES = 65  # in each direction, then windows around the best: 9 x 9 samples, each a quarter as wide
-_WINDOWS = 8
+_WINDOWS = 6
 _LEAST_AREA = (1e-4, 1e-3)  # of the largest |S_u x S_v|: curvatures are looked at where it is larger
 _GROWTH = 1.5  # between both: curvatures that grow more have a pole
 _SMALL = 1e-3  # of the largest curvature: no pole
@@ -86,7 +86,7 @@ def curvature_range(surface: SeparableSurface) -> Curvatures:
     --------
     The hyperbolic paraboloid z = x y over [-1, 1]^2: K = -1 in the middle and -1/9 at the corners.
 
-    >>> from gtcad import BERNSTEIN
+    >>> from gtcad import BERNSTEIN, Surface
     >>> saddle = [[[-1, -1, 1], [-1, 1, -1]], [[1, -1, -1], [1, 1, 1]]]
     >>> found = curvature_range(Surface(saddle, family_u=BERNSTEIN, family_v=BERNSTEIN))
     >>> [round(float(value), 9) for value in found.gaussian]
@@ -115,7 +115,11 @@ def _extremes(surface: SeparableSurface) -> tuple[Array, Array]:
     u, v = _grid(np.linspace(0, 1, _SAMPLES), np.linspace(0, 1, _SAMPLES))
     sizes = norm(_crossed(surface, u, v))
     values = _signed(surface, u, v)
-    near, far = (_refined(surface, values, sizes, part * float(sizes.max())) for part in _LEAST_AREA)
+    least, more = (part * float(sizes.max()) for part in _LEAST_AREA)
+    near = _refined(surface, values, sizes, least)
+    if sizes.min() > more:
+        return _SIGNS * near[0], near[1]
+    far = _refined(surface, values, sizes, more)
     points = surface.evaluate(u, v)
     flat = _FLAT / max(float(norm(np.ptp(points, axis=(0, 1)))), np.finfo(float).tiny)
     most = max(float(far[0][4:].max()), flat)
@@ -233,6 +237,7 @@ def patch_study(
     --------
     gamma = (0, 0) makes this a quarter of a tube of radius 1 and length 2: area pi.
 
+    >>> from gtcad import Curve
     >>> from gtcad.patches import Swept
     >>> tube = Swept(Curve([[1, 0, 0], [1, 1, 0], [0, 1, 0]]), Curve([[0, 0, 0], [0, 0, 1], [0, 0, 2]]))
     >>> study = patch_study(tube, "profile", values=[0])
@@ -367,6 +372,7 @@ def sensitivities(patch: SeparableSurface, *, origin: ArrayLike = (0.0, 0.0, 0.0
     --------
     Control points in a plane give a plane patch: with the boundaries straight its area stays.
 
+    >>> from gtcad import Surface
     >>> sheet = Surface([[[x, y, 0] for y in (0, 1, 2)] for x in (0, 1, 3)])
     >>> [round(entry.area, 9) + 0.0 for entry in sensitivities(sheet).entries]
     [0.0, 0.0, 0.0, 0.0]

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from gtcad import BERNSTEIN, GT, Composite, Curve
-from gtcad.continuity import Start, Thresholds, chain_rule, check_join, join_curve
+from gtcad.continuity import Thresholds, chain_rule, check_join, join_curve
 from gtcad.converters import fit_curve
 from gtcad.converters.chain import fit_chain
 from gtcad.errors import SingularJoin, ToleranceBelowPrecision
@@ -102,11 +102,11 @@ def by_length(derivatives):
     return tangent, turned / speed, (turned_again - stretch / speed * turned) / speed**2
 
 
-def assert_meets(a, b, join):
+def assert_meets(a, b, join, *, cancelled=True):
     """The thresholds of the issue, computed here; and ``check_join`` where there are derivatives to compare.
 
     Jumps are relative to the derivatives, or to what is left of them when almost all cancels: the curvature of a
-    straight piece is rounding alone.
+    straight piece is rounding alone. In splines, whose spans are short, more of it: those are not compared.
     """
     before = np.array([a.derivative(a.domain[1], k) for k in range(4)])
     after = np.array([b.derivative(b.domain[0], k) for k in range(4)])
@@ -127,6 +127,9 @@ def assert_meets(a, b, join):
             for speeds, terms in join.ends
         )
         larger = max(np.linalg.norm(one), np.linalg.norm(other))
+        if larger < least and not cancelled:
+            there = False
+            continue
         assert np.linalg.norm(other - one) <= limits[k - 1] * max(larger, least), (join.order, k, by_arc)
         there = there and larger >= least
     if there:
@@ -158,11 +161,11 @@ def assert_joined_after_conversion(order, count, seed):
         try:
             before = fit_curve(join.first, end_order=(0, join.count - 1), **settings)
             after = fit_curve(join.second, end_order=(join.count - 1, 0), **settings)
-        except ToleranceBelowPrecision:  # so badly determined that control points are far beyond the curve
-            assert min(Start.of(join.second.factors, join.count - 1).conditioning) < 1e-3
+        except ToleranceBelowPrecision:  # so badly determined that control points are far away
+            assert np.abs(join.second.control_points).max() > 1e6
             continue
         assert max(before.deviation[1], after.deviation[1]) <= TOLERANCE
-        assert_meets(before.spline, after.spline, join)
+        assert_meets(before.spline, after.spline, join, cancelled=False)
 
 
 @pytest.mark.parametrize("order", ORDERS)
