@@ -23,14 +23,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from gtcad.chebyshev import nodes
-from gtcad.converters.spline_basis import (
-    EndOrder,
-    Knots,
-    both_ends,
-    dense,
-    end_derivatives,
-    local_values,
-)
+from gtcad.converters.spline_basis import EndOrder, Knots, both_ends, dense, end_derivatives, local_values
 from gtcad.factors import KeyedFactors
 from gtcad.protocol import Factors
 
@@ -153,10 +146,10 @@ class Problem:
             scale = np.sqrt(weights)[:, None]
             design, rest = design * scale, rest * scale
         count = design.shape[1]
-        triangle = np.linalg.qr(np.concatenate([design, rest], axis=1), mode="r")[
-            :count
-        ]  # the products with Q beside R
-        matrix[self.inner] = scipy.linalg.solve_triangular(triangle[:, :count], triangle[:, count:], check_finite=False)
+        # the triangle of both side by side: its last columns are Q^T times the rest, and Q is never formed
+        triangle = np.asarray(np.linalg.qr(np.concatenate([design, rest], axis=1), mode="r"))[:count]
+        left, right = triangle[:, :count], triangle[:, count:]
+        matrix[self.inner] = scipy.linalg.solve_triangular(left, right, check_finite=False)
         return matrix
 
     @cached_property

@@ -14,6 +14,7 @@ from gtcad.composite import Composite
 from gtcad.converters.bspline import BSplineSurface
 from gtcad.converters.chain_check import Joint, check_chain
 from gtcad.converters.part import MEETING, Built, Part, Wire, ends_of
+from gtcad.converters.quadrics import Quadric
 from gtcad.converters.quilt_check import check_quilt
 from gtcad.converters.verdicts import Row, compared, joined
 from gtcad.errors import InputError
@@ -128,12 +129,12 @@ def _gap(a: Part, b: Part) -> float:
 
 
 def _ends(part: Part) -> Array:
-    assert not isinstance(part.geometry, BSplineSurface | Wire | Built)
+    assert not isinstance(part.geometry, BSplineSurface | Quadric | Wire | Built)
     return ends_of(part.geometry)
 
 
 def _is_surface(part: Part) -> bool:
-    return isinstance(part.geometry, BSplineSurface)
+    return isinstance(part.geometry, BSplineSurface | Quadric)
 
 
 def _in_space(shape: Composite) -> Composite:

@@ -15,6 +15,7 @@ from gtcad._entries import ModelShape
 from gtcad.composite import Composite
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
 from gtcad.converters.part import Built, EllipseArc, Geometry, Part, Single, Wire
+from gtcad.converters.quadrics import Quadric, extremes
 from gtcad.errors import InputError, ModelError, ToleranceBelowPrecision, ToleranceNotMet
 from gtcad.model import Model
 from gtcad.protocol import SeparableCurve, SeparableSurface, Shape
@@ -77,13 +78,15 @@ class Fitted:
 
     @property
     def entity(self) -> str:
-        """What a file holds of it: "circle", "ellipse", "b_spline", "wire" for several edges, "shell" or "solid"."""
+        """What a file holds of it: "circle", "ellipse", "plane", "cylinder", "b_spline", "wire", "solid" and so on."""
         if isinstance(self.geometry, Built):
             return self.geometry.kind
         if isinstance(self.geometry, Wire):
             return "wire"
         if isinstance(self.geometry, EllipseArc):
             return "circle" if self.geometry.is_circle else "ellipse"
+        if isinstance(self.geometry, Quadric):
+            return "plane" if self.geometry.kind == "disc" else self.geometry.kind
         return "b_spline"
 
 
@@ -117,8 +120,21 @@ def _fitted(name: str, shape: ModelShape, settings: Mapping[str, Any]) -> Fitted
         return _with_arc(name, shape, fit_curve(shape, **settings))
     if isinstance(shape, Quilt | Solid):
         return _built(name, shape, settings)
+    if settings.get("exact", True) and (analytic := _as_quadric(name, shape, settings["tolerance"])) is not None:
+        return analytic
     fit = fit_surface(shape, **settings)
     return Fitted(name, fit.spline, fit.deviation, fit.exact)
+
+
+def _as_quadric(name: str, shape: SeparableSurface, tolerance: float) -> Fitted | None:
+    """A patch that is exactly a plane, cylinder, cone, sphere or torus as such; None for others."""
+    from gtcad.converters.analytic import certify_quadric, quadric_of
+
+    quadric = quadric_of(shape)
+    if quadric is None:
+        return None
+    proved = certify_quadric(shape, quadric)
+    return Fitted(name, quadric, (proved.lower, proved.upper), exact=True) if proved.upper <= tolerance else None
 
 
 def _built(name: str, shape: Quilt | Solid, settings: Mapping[str, Any]) -> Fitted:
@@ -318,11 +334,7 @@ def _families(whole: Any) -> list[str]:
 
 def describe_parts(parts: Sequence[Part], form: str) -> dict[str, Any]:
     """Box of the control points in mm, and the curves and surfaces of an exchange file, as plain data."""
-    points = [
-        _arc_extremes(piece) if isinstance(piece, EllipseArc) else piece.control_points
-        for part in parts
-        for piece in _pieces(part.geometry)
-    ]
+    points = [_span(piece) for part in parts for piece in _pieces(part.geometry)]
     return {
         "format": form,
         "unit": "mm",
@@ -336,7 +348,7 @@ def _part_data(part: Part) -> dict[str, Any]:
     poles, degrees = sizes(part.geometry)
     return {
         "name": part.name,
-        "kind": "surface" if isinstance(part.geometry, BSplineSurface) else "curve",
+        "kind": "surface" if isinstance(part.geometry, BSplineSurface | Quadric) else "curve",
         "entity": part.source,
         "degree": degrees,
         "poles": poles,
@@ -347,11 +359,11 @@ def _part_data(part: Part) -> dict[str, Any]:
 
 
 def sizes(geometry: Geometry) -> tuple[list[int], list[int]]:
-    """The numbers of poles and the degrees of the directions: none of an ellipse; of each piece of a wire or body."""
+    """The numbers of poles and the degrees of the directions: none if analytic; of each piece of a wire or body."""
     if isinstance(geometry, Wire | Built):
         found = [sizes(piece) for piece in _pieces(geometry)]
         return [math.prod(poles) for poles, _ in found], sorted({n for _, degrees in found for n in degrees})
-    if isinstance(geometry, EllipseArc):
+    if isinstance(geometry, EllipseArc | Quadric):
         return [], []
     if isinstance(geometry, BSplineCurve):
         return list(geometry.control_points.shape[:1]), [geometry.degree]
@@ -362,6 +374,13 @@ def _pieces(geometry: Geometry) -> tuple[Single, ...]:
     if isinstance(geometry, Built):
         return geometry.splines
     return geometry.edges if isinstance(geometry, Wire) else (geometry,)
+
+
+def _span(piece: Single) -> Array:
+    """Points whose box holds the piece."""
+    if isinstance(piece, Quadric):
+        return extremes(piece)
+    return _arc_extremes(piece) if isinstance(piece, EllipseArc) else piece.control_points
 
 
 def _arc_extremes(arc: EllipseArc) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
+from gtcad.converters.quadrics import Quadric
 from gtcad.errors import InputError
 from gtcad.measure import Estimate
 
@@ -193,7 +194,7 @@ class Built:
     splines: tuple[BSplineSurface, ...]
 
 
-Single = BSplineCurve | BSplineSurface | EllipseArc
+Single = BSplineCurve | BSplineSurface | EllipseArc | Quadric
 Geometry = Single | Wire | Built
 
 
@@ -248,8 +249,8 @@ class Part:
         geometry: object = self.geometry
         if not isinstance(name, str):
             raise InputError(f"name must be a text, got {name!r}")
-        if not isinstance(geometry, BSplineCurve | BSplineSurface | EllipseArc | Wire | Built):
-            kinds = "a BSplineCurve, BSplineSurface, EllipseArc, Wire or Built"
+        if not isinstance(geometry, BSplineCurve | BSplineSurface | EllipseArc | Quadric | Wire | Built):
+            kinds = "a BSplineCurve, BSplineSurface, EllipseArc, Quadric, Wire or Built"
             raise InputError(f"geometry must be {kinds}, got {type(geometry).__name__}")
         if self.color is not None:
             object.__setattr__(self, "color", _checked_color(self.color))

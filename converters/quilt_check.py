@@ -143,7 +143,8 @@ def _joint(name: str, quilt: Quilt, edge: SharedEdge, held: Sequence[_Held | Non
     sides = first.side(edge.first.side), second.side(edge.second.side)
     found = check_edge(first.spline, sides[0], second.spline, sides[1], reversed=backwards)
     figures = (found.gap[1], found.normal_angle_deg, found.curvature_jump, found.curvature_rate_jump)
-    report = JoinReport(*figures, torsion_jump=0.0, parametric_jumps=found.parametric_jumps, order=found.order)
+    orders = found.parametric_order, found.geometric_order
+    report = JoinReport(*figures, 0.0, found.parametric_jumps, *orders)
     labels = (quilt.label(use) for use in edge.uses)
     return Joint(f"{name}.{'-'.join(labels)}", edge.order, report)
 

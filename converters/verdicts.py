@@ -16,12 +16,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gtcad import measure
+from gtcad.converters.analytic import certify_quadric
 from gtcad.converters.arcs import certify_arc, curve_of_arc
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
 from gtcad.converters.certificate import Certificate, certify_curve, certify_surface, deciding
 from gtcad.converters.exact import IDENTITY, ParameterMap, exact_map
 from gtcad.converters.nearest import PointSet, distances, grid, is_farther
 from gtcad.converters.part import Built, EllipseArc, Part, TrimmedFace, Wire
+from gtcad.converters.quadrics import Quadric, surface_of_quadric
 from gtcad.protocol import Factors, SeparableCurve, SeparableSurface, Shape
 from gtcad.restricted import RestrictedCurve, RestrictedSurface
 
@@ -94,6 +96,9 @@ def _proof(shape: Shape, part: Part, tolerance: float) -> tuple[Certificate, str
             certify = partial(certify_curve, curve, geometry, parameter_map=parameter_map)
             certificate, method = deciding(certify, tolerance), method_of(parameter_map)
         return certificate, method, curve.evaluate(*certificate.place)
+    if isinstance(geometry, Quadric):
+        certificate = certify_quadric(shape, geometry)
+        return certificate, "equal angles and lengths", shape.evaluate(*certificate.place)
     assert isinstance(geometry, BSplineSurface)
     both = itertools.product(_surface_ways(shape), (geometry, geometry.transposed()))
     (surface, maps), spline = min(both, key=lambda way: _gap_of_surfaces(*way))
@@ -206,6 +211,8 @@ def _point_set_of(part: Part) -> PointSet:
     assert not isinstance(geometry, Wire | Built)
     if isinstance(geometry, EllipseArc):
         return _point_set(curve_of_arc(geometry))
+    if isinstance(geometry, Quadric):
+        return _point_set(surface_of_quadric(geometry))
     if isinstance(geometry, BSplineCurve):
         return PointSet.measured(
             1,

@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, ValidationInfo
 
 from gtcad import _checks as checks
 from gtcad import patches
 from gtcad._curve_kinds import CurveField, CurveFields, curve_data
-from gtcad._documents import Location
+from gtcad._documents import Location, shown
 from gtcad._entries import (
     DesignVariables,
     FamilyName,
     Interval,
+    ModelShape,
     ShapeEntry,
     Shapes,
     SurfacePoint,
@@ -23,11 +24,35 @@ from gtcad._entries import (
     gamma_fields,
 )
 from gtcad.basis import FAMILIES
+from gtcad.composite import Composite
 from gtcad.errors import InputError
 from gtcad.protocol import SeparableCurve, SeparableSurface
+from gtcad.quilt import Quilt
+from gtcad.solid import Solid
 
 Vector = Annotated[SurfacePoint, BeforeValidator(checks.point(3))]
 Number = Annotated[float, BeforeValidator(checks.number)]
+
+
+def _turn(value: Any, info: ValidationInfo) -> Any:
+    """Refuse what is not a number of degrees from -360 to 360 other than 0."""
+    checks.number(value, info)
+    if not 0 < abs(value) <= _FULL_TURN:
+        checks.refuse([((), f"must lie in [-360, 360] and not be 0, got {shown(value)}")])
+    return value
+
+
+def list_of(things: str) -> checks.Check:
+    """A check that the value is a list, whatever it holds."""
+
+    def check(value: Any, info: ValidationInfo) -> Any:
+        if not isinstance(value, list):
+            checks.refuse([((), f"must be a list of {things}, got {shown(value)}")])
+        return value
+
+    return check
+
+
 Placement = Annotated[
     list[Annotated[list[float], Field(min_length=4, max_length=4)]] | None,
     BeforeValidator(checks.optional(checks.placement)),
@@ -39,6 +64,7 @@ Placement = Annotated[
     ),
 ]
 
+_FULL_TURN = 360.0
 _CURVES = ("a", "b", "curve", "profile", "trajectory", "spine", "c0", "c1", "d0", "d1")
 
 
@@ -62,8 +88,15 @@ class PatchEntry(ShapeEntry):
 def _found(shapes: Shapes, where: str, curve: CurveFields | str) -> SeparableCurve:
     found = shapes[curve] if isinstance(curve, str) else curve.curve()
     if not isinstance(found, SeparableCurve):
-        raise InputError(f"{where}: {curve!r} is no single curve")
+        raise InputError(f"{where} must be a single curve, {shown(curve)} is {what(found)}")
     return found
+
+
+def what(shape: ModelShape) -> str:
+    """What a shape is that is not of the kind that is wanted."""
+    kinds = {Composite: "a chain", Quilt: "a quilt", Solid: "a solid"}
+    curve = "a curve" if isinstance(shape, SeparableCurve) else "a surface"
+    return next((text for kind, text in kinds.items() if isinstance(shape, kind)), curve)
 
 
 class RuledEntry(PatchEntry):
@@ -139,7 +172,9 @@ class RotationEntry(PatchEntry):
     profile: CurveField = Field(description="The curve that turns.")
     axis_point: Vector = Field(default=[0.0, 0.0, 0.0], description="A point of the axis.")
     axis_direction: Vector = Field(default=[0.0, 0.0, 1.0], description="Its direction.")
-    angle: Number = Field(default=360.0, description="In degrees, from -360 to 360, not 0.")
+    angle: Annotated[float, BeforeValidator(_turn), Field(ge=-_FULL_TURN, le=_FULL_TURN)] = Field(
+        default=_FULL_TURN, description="In degrees, from -360 to 360, not 0."
+    )
     start: Number = Field(default=0.0, description="The angle in degrees at v = 0.")
     placement: Placement
 
@@ -190,7 +225,7 @@ class LoftedEntry(PatchEntry):
     """The patch through sections of one kind."""
 
     kind: Literal["lofted"]
-    sections: list[CurveField] = Field(
+    sections: Annotated[list[CurveField], BeforeValidator(list_of("sections"))] = Field(
         description="Curves of equal degree, design variables and family; three at least for GT.", min_length=2
     )
     parameters: Annotated[list[float] | None, BeforeValidator(checks.optional(checks.numbers))] = Field(

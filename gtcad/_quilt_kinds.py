@@ -3,32 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Discriminator, Field, Tag
+from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationInfo
 
 from gtcad import _checks as checks
 from gtcad._curve_kinds import CurveName
-from gtcad._documents import Location
+from gtcad._documents import Location, Problem, shown
 from gtcad._entries import INLINE, NAMED, ShapeEntry, Shapes, Strict, Yes
 from gtcad._patch_kinds import (
+    PATCH_ENTRIES,
     ConeEntry,
     CoonsEntry,
     CylinderEntry,
     LoftedEntry,
+    PatchEntry,
     RotationEntry,
     RuledEntry,
     SweepEntry,
     SweptEntry,
     SwungEntry,
+    list_of,
     patch_data,
+    what,
 )
 from gtcad._surface_kinds import SurfaceEntry, surface_data
+from gtcad.edge_check import check_edge
 from gtcad.errors import InputError
 from gtcad.protocol import SeparableSurface
 from gtcad.quilt import SAME, Quilt, SharedEdge, Use
 from gtcad.solid import Solid
+
+_NAMED_PATCHES = 8  # in a message
 
 
 def _tag(value: Any) -> str | None:
@@ -36,6 +44,29 @@ def _tag(value: Any) -> str | None:
         return NAMED
     kind = value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
     return f"{INLINE}{kind}" if isinstance(kind, str) else None
+
+
+PATCHES = ("surface", *PATCH_ENTRIES)
+
+
+def _patch(value: Any, info: ValidationInfo) -> Any:
+    """Refuse what is neither a name nor a mapping of a kind of patch, and what only whole shapes have."""
+    if isinstance(value, str | PatchEntry | SurfaceEntry):
+        return value
+    if not isinstance(value, dict):
+        checks.refuse([((), f"must be the name of a surface or an object with the fields of one, got {shown(value)}")])
+    problems: list[Problem] = [
+        ((field,), "belongs to the whole shape: a patch that is spelled out has none")
+        for field in ("color", "construction")
+        if field in value
+    ]
+    if value.get("kind") not in PATCHES:
+        wanted = f"must be one of {', '.join(PATCHES)}"
+        found = f"{wanted}, got {shown(value['kind'])}" if "kind" in value else f"is missing; {wanted}"
+        problems.append((("kind",), found))
+    if problems:
+        checks.refuse(problems)
+    return value
 
 
 PatchField = Annotated[
@@ -51,8 +82,10 @@ PatchField = Annotated[
     | Annotated[LoftedEntry, Tag(f"{INLINE}lofted")]
     | Annotated[CoonsEntry, Tag(f"{INLINE}coons")],
     Discriminator(_tag),
+    BeforeValidator(_patch),
 ]
-Order = Annotated[str, BeforeValidator(checks.order), Field(pattern="^[CG][0-3]$")]
+OrderText = Annotated[str, Field(pattern="^[CG][0-3]$")]
+Order = Annotated[OrderText, BeforeValidator(checks.order)]
 Side = Annotated[str, BeforeValidator(checks.side), Field(examples=["roof.u1"])]
 
 
@@ -68,11 +101,17 @@ class EdgeFields(Strict):
 class QuiltFields(ShapeEntry):
     """What quilts and solids have in common."""
 
-    patches: list[PatchField] = Field(
+    patches: Annotated[list[PatchField], BeforeValidator(list_of("patches"))] = Field(
         description="Surfaces of this file by name, or spelled out with names of their own.", min_length=1
     )
-    order: Order = Field(default="C0", description="The order of continuity across all edges that are not stated.")
-    edges: list[EdgeFields] = Field(default=[], description="Edges that are stated; all others are found.")
+    order: Annotated[OrderText | None, BeforeValidator(checks.optional(checks.order))] = Field(
+        default=None,
+        description="The order of continuity across all edges that are not stated, C0 to C3 or G0 to G3. When left out "
+        "C0; but where a patch meets itself, as smooth as it does, up to G2.",
+    )
+    edges: Annotated[list[EdgeFields], BeforeValidator(list_of("edges"))] = Field(
+        default=[], description="Edges that are stated; all others are found."
+    )
     gap: Annotated[float, BeforeValidator(checks.not_negative), Field(ge=0)] = Field(
         default=0.0, description="How far apart the curves of a stated edge may be, in the file's unit."
     )
@@ -87,25 +126,63 @@ class QuiltFields(ShapeEntry):
 
     def quilt(self, shapes: Shapes) -> Quilt:
         """The patches with their shared edges."""
-        names, surfaces = [], []
+        names: list[str] = []
+        surfaces = []
         for index, patch in enumerate(self.patches):
-            surface = shapes[patch] if isinstance(patch, str) else patch.build(shapes)
-            if not isinstance(surface, SeparableSurface):
-                raise InputError(f"patches[{index}]: {patch!r} is no single surface")
-            names.append(patch if isinstance(patch, str) else patch.name)
-            surfaces.append(surface)
+            name = patch if isinstance(patch, str) else patch.name
+            if name in names:
+                raise InputError(f"patches[{index}]: {shown(name)} is the name of patches[{names.index(name)}] already")
+            names.append(name)
+            surfaces.append(_surface(shapes, f"patches[{index}]", patch))
         stated = [
-            SharedEdge(_use(names, edge.first), _use(names, edge.second), edge.reversed, edge.order)
-            for edge in self.edges
+            SharedEdge(
+                _use(names, f"edges[{k}].first", edge.first),
+                _use(names, f"edges[{k}].second", edge.second),
+                edge.reversed,
+                edge.order,
+            )
+            for k, edge in enumerate(self.edges)
         ]
-        return Quilt.recognised(surfaces, names=names, order=self.order, stated=stated, gap=self.gap)
+        quilt = Quilt.recognised(surfaces, names=names, order=self.order or "C0", stated=stated, gap=self.gap)
+        return quilt if self.order else _with_smooth_seams(quilt, len(stated))
 
 
-def _use(names: list[str], text: str) -> Use:
+def _surface(shapes: Shapes, where: str, patch: SurfaceEntry | PatchEntry | str) -> SeparableSurface:
+    try:
+        surface = shapes[patch] if isinstance(patch, str) else patch.build(shapes)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+    if not isinstance(surface, SeparableSurface):
+        raise InputError(f"{where} must be a surface, {shown(patch)} is {what(surface)}")
+    return surface
+
+
+def _use(names: list[str], where: str, text: str) -> Use:
     name, _, side = text.rpartition(".")
     if name not in names:
-        raise InputError(f"edges: {text!r} names no patch of this shape: it has {', '.join(names)}")
+        raise InputError(f"{where}: {shown(text)} names no patch of this shape, which has {_listed(names)}")
     return Use(names.index(name), side)
+
+
+def _listed(names: list[str]) -> str:
+    more = f" and {len(names) - _NAMED_PATCHES} more" if len(names) > _NAMED_PATCHES else ""
+    return ", ".join(map(shown, names[:_NAMED_PATCHES])) + more
+
+
+def _with_smooth_seams(quilt: Quilt, stated: int) -> Quilt:
+    """The seams that were found joined as smoothly as their patches are: a kink there is an artefact of the fit."""
+    edges = [
+        replace(edge, order=_smoothness(quilt, edge)) if edge.first.patch == edge.second.patch else edge
+        for edge in quilt.edges[stated:]
+    ]
+    return replace(quilt, edges=(*quilt.edges[:stated], *edges))
+
+
+def _smoothness(quilt: Quilt, edge: SharedEdge) -> str:
+    sides = ((quilt.patches[use.patch], use.side) for use in edge.uses)
+    (first, side), (second, other) = sides
+    report = check_edge(first, side, second, other, reversed=edge.reversed)
+    return next((order for order in ("G2", "G1") if report.meets(order)), "C0")
 
 
 class QuiltEntry(QuiltFields):

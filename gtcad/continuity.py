@@ -33,6 +33,7 @@ Scale = tuple[float, float, float]
 
 MAX_ORDER = 3
 PARAMETRIC: Scale = (1.0, 0.0, 0.0)
+_INVISIBLE = 1e-6  # of the size: derivatives, and curvatures times the size, of which less makes no difference
 _SINGULAR = 1e-10  # of a row's largest coefficient, and of the size of the first curve's derivatives
 
 
@@ -89,9 +90,8 @@ class JoinReport:
         Jump of the torsion, in the inverse of the unit; 0 for plane curves.
     parametric_jumps
         Jumps of the first, second and third derivative by the parameter, relative like the geometric ones.
-    order
-        "C3" to "C0" or "G1" to "G3": the highest order within the thresholds, C before G at equal orders; "none" when
-        the gap is too wide.
+    parametric_order, geometric_order
+        The highest k of C^k and of G^k within the thresholds; -1 when the gap is too wide. C^k is G^k as well.
     """
 
     gap: float
@@ -100,14 +100,30 @@ class JoinReport:
     curvature_rate_jump: float
     torsion_jump: float
     parametric_jumps: tuple[float, float, float]
-    order: str
+    parametric_order: int
+    geometric_order: int
+
+    @property
+    def order(self) -> str:
+        """The highest order, "C3" to "C0" or "G1" to "G3", C before G at equal orders; "none" with too wide a gap."""
+        return highest_order(self.parametric_order, self.geometric_order)
 
     def meets(self, order: str) -> bool:
         """Whether the join is of that order: C^k counts as G^k too."""
-        if self.order == "none":
-            return False
-        kind, wanted = parsed_order(order)
-        return int(self.order[1]) >= wanted and (kind == "G" or self.order[0] == "C" or wanted == 0)
+        return meets_order(order, self.parametric_order, self.geometric_order)
+
+
+def highest_order(parametric: int, geometric: int) -> str:
+    """The name of the higher one of two orders, C before G when they are equal; "none" below 0."""
+    if parametric < 0:
+        return "none"
+    return f"C{parametric}" if parametric >= geometric else f"G{geometric}"
+
+
+def meets_order(order: str, parametric: int, geometric: int) -> bool:
+    """Whether C^parametric and G^geometric are the order, such as "G2"."""
+    kind, wanted = parsed_order(order)
+    return parametric >= wanted or (kind == "G" and geometric >= wanted)
 
 
 def parsed_order(order: str) -> tuple[str, int]:
@@ -321,14 +337,14 @@ def check_join(a: Derivable, b: Derivable, *, thresholds: Thresholds = Threshold
     ends, starts = (np.pad(one, ((0, 0), (0, 3 - one.shape[1]))) for one in (ends, starts))
     size = max(float(np.ptp(np.concatenate([_sampled(a), _sampled(b)]), axis=0).max()), np.finfo(float).tiny)
     gap = float(np.linalg.norm(starts[0] - ends[0]))
-    jumps = tuple(_relative(ends[r], starts[r], _SINGULAR * size) for r in (1, 2, 3))
+    jumps = tuple(_relative(ends[r], starts[r], _INVISIBLE * size) for r in (1, 2, 3))
     if min(np.linalg.norm(ends[1]), np.linalg.norm(starts[1])) < _SINGULAR * size:
         nan = math.nan
-        order = "C0" if gap <= thresholds.gap else "none"
-        return JoinReport(gap, nan, nan, nan, nan, jumps, order)  # type: ignore[arg-type]
+        met = 0 if gap <= thresholds.gap else -1
+        return JoinReport(gap, nan, nan, nan, nan, jumps, met, met)  # type: ignore[arg-type]
     before, after = _by_length(ends), _by_length(starts)
     angle = _angle_deg(before.tangent, after.tangent)
-    least = 1e-6 / size  # a curvature of which less makes no visible difference
+    least = _INVISIBLE / size
     curvature = _relative(before.bend, after.bend, least)
     third = _relative(before.third, after.third, least / size)
     rate_scale = max(abs(before.rate), abs(after.rate), before.curvature**2, after.curvature**2, least / size)
@@ -336,7 +352,7 @@ def check_join(a: Derivable, b: Derivable, *, thresholds: Thresholds = Threshold
     limits = (thresholds.angle_deg * math.pi / 180, thresholds.curvature, thresholds.curvature_rate)
     geometric = _reached([x <= 1 for x in measured])
     parametric = _reached([jump <= max(limit, 1e-8) for jump, limit in zip(jumps, limits, strict=True)])
-    order = f"C{parametric}" if parametric >= geometric else f"G{geometric}"  # C^k implies G^k
+    open_ends = gap > thresholds.gap
     return JoinReport(
         gap,
         angle,
@@ -344,7 +360,8 @@ def check_join(a: Derivable, b: Derivable, *, thresholds: Thresholds = Threshold
         abs(after.rate - before.rate) / rate_scale,
         abs(after.torsion - before.torsion),
         jumps,  # type: ignore[arg-type]
-        order if gap <= thresholds.gap else "none",
+        -1 if open_ends else parametric,
+        -1 if open_ends else geometric,
     )
 
 

@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from gtcad._jets import norm, space
 from gtcad.basis import Basis
 from gtcad.chebyshev import UNIT_ROUNDOFF, interpolation_tail, lebesgue, maximum, nodes, transform
-from gtcad.continuity import MAX_ORDER, PARAMETRIC, Scale, Thresholds, chain_rule, parsed_order
+from gtcad.continuity import MAX_ORDER, PARAMETRIC, Scale, Thresholds, chain_rule, highest_order, meets_order
 from gtcad.errors import InputError
 from gtcad.factors import KeyedFactors, RestrictedFactors, Stacked
 from gtcad.protocol import Factors, SeparableSurface
@@ -117,16 +117,11 @@ class EdgeReport:
     @property
     def order(self) -> str:
         """The highest order, "C3" to "C0" or "G1" to "G3", C before G at equal orders; "none" with too wide a gap."""
-        if self.parametric_order < 0:
-            return "none"
-        if self.parametric_order >= self.geometric_order:
-            return f"C{self.parametric_order}"
-        return f"G{self.geometric_order}"
+        return highest_order(self.parametric_order, self.geometric_order)
 
     def meets(self, order: str) -> bool:
         """Whether the join is of that order: C^k counts as G^k too."""
-        kind, wanted = parsed_order(order)
-        return self.parametric_order >= wanted or (kind == "G" and self.geometric_order >= wanted)
+        return meets_order(order, self.parametric_order, self.geometric_order)
 
 
 def check_edge(

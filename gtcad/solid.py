@@ -109,11 +109,11 @@ class Solid:
         return Quilt.recognised([*self.quilt.patches, *fans], names=names, stated=self.quilt.edges, gap=math.inf)
 
     def volume(self) -> Estimate | None:
-        """Volume of the full body, in the cube of the model's unit; None of a wall.
+        """Volume of the full body, in the cube of the model's unit; None of a wall, or where loops have gaps.
 
         Caps are taken for plane, as a conversion makes sure that they are.
         """
-        return None if self.thickness is not None else self.closed.volume()
+        return self.closed.volume() if self.thickness is None and self.closed.closed else None
 
     def transformed(self, matrix: ArrayLike, translation: ArrayLike | None = None) -> Solid:
         """The image under ``matrix @ x + translation``; of a wall only for similarities.

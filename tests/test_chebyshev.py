@@ -329,6 +329,35 @@ def test_maximum_of_large_families() -> None:
     assert maximum(coefficients[[found.index]]).upper == pytest.approx(found.upper, rel=0.01)
 
 
+@pytest.mark.parametrize("variables", [1, 2])
+def test_maximum_from_a_known_sample(variables: int) -> None:
+    """A sample that is known spares work, but neither bound may lean on it."""
+    random = np.random.default_rng(25)
+    samples = np.cos(np.linspace(0, math.pi, 81))
+    for _ in range(100):
+        coefficients = random_series(random, variables)
+        start = norms_at(coefficients, *[np.array([0.3])] * variables).reshape(-1)
+        index = int(start.argmax())
+        known = Maximum(float(start[index]), 0.0, index, (0.3,) * variables)
+        found = maximum(coefficients, known=known)
+        dense = norms_at(coefficients, *[samples] * variables).max()
+        assert dense * (1 - 1e-12) <= found.upper <= 1.01 * found.lower * (1 + 1e-11)
+        at_place = norms_at(coefficients, *(np.array([z]) for z in found.place))[found.index].item()
+        assert found.lower * (1 - 1e-12) <= at_place
+
+
+@pytest.mark.parametrize("variables", [1, 2])
+def test_bounds_above_the_limit_are_bounds(variables: int) -> None:
+    random = np.random.default_rng(26)
+    samples = np.cos(np.linspace(0, math.pi, 81))
+    for _ in range(100):
+        coefficients = random_series(random, variables)
+        dense = norms_at(coefficients, *[samples] * variables).max()
+        found = maximum(coefficients, limit=random.uniform(0, 2) * dense)
+        assert dense * (1 - 1e-12) <= found.upper
+        assert found.lower <= found.upper
+
+
 def test_maximum_leaves_its_argument_alone() -> None:
     coefficients = np.random.default_rng(24).standard_normal((3, 9, 2))
     kept = coefficients.copy()

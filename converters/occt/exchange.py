@@ -36,10 +36,12 @@ from gtcad.converters.occt.pieces import (
     is_valid,
     pieces,
 )
+from gtcad.converters.occt.quadrics import is_analytic, make_quadric_face, quadric_of_face
 from gtcad.converters.occt.session import READING_IGES, READING_STEP, quiet, session, writing_iges, writing_step
 from gtcad.converters.occt.shells import edge_uses
 from gtcad.converters.occt.topology import TOLERANCE, make_edge, make_face, make_wire
-from gtcad.converters.part import BodyFacts, Built, EllipseArc, Geometry, Part, TrimmedFace, Wire
+from gtcad.converters.part import BodyFacts, Built, EllipseArc, Geometry, Part, Single, TrimmedFace, Wire
+from gtcad.converters.quadrics import ENTITIES, Quadric
 from gtcad.errors import FileError, InputError, KernelError
 
 _BRep = kernel_module("BRep")
@@ -132,13 +134,14 @@ def iges_bytes(items: Sequence[Item], *, tolerance: float, timestamp: datetime) 
     KernelError
         When the kernel refuses to write.
     """
-    with session("writing IGES", writing_iges(tolerance, bodies=any(item.face_names for item in items))):
+    bodies = any(item.face_names or is_analytic(item.shape) for item in items)
+    with session("writing IGES", writing_iges(tolerance, bodies=bodies)):
         writer, document, done = _IGESCAFControl.IGESCAFControl_Writer(), Document(), 0
         writer.SetColorMode(False)
         tops = []
         model = writer.Model()
         for item in items:
-            if not writer.Transfer(document.add(item)):
+            if not writer.Transfer(document.add(_in_shell(item) if is_analytic(item.shape) else item)):
                 raise KernelError(f"the kernel cannot write {item.name!r} to IGES")
             tops.append(model.Entity(done + 1))
             set_iges_names(_entities(model, done), item.name)
@@ -149,6 +152,14 @@ def iges_bytes(items: Sequence[Item], *, tolerance: float, timestamp: datetime) 
                 set_iges_color(model, top, item.color)
         set_global_section(model, timestamp)
         return _printed(_IGESData.IGESData_IGESWriter(model), model.Protocol())
+
+
+def _in_shell(item: Item) -> Item:
+    """The item with its face as a shell: IGES knows no way round of a face, and no analytic surface, outside of one."""
+    builder, shell = _BRep.BRep_Builder(), _TopoDS.TopoDS_Shell()
+    builder.MakeShell(shell)
+    builder.Add(shell, item.shape)
+    return replace(item, shape=shell)
 
 
 def brep_bytes(items: Sequence[Item]) -> bytes:
@@ -325,6 +336,8 @@ def _shape(geometry: Geometry) -> Any:
         return geometry.shape
     if isinstance(geometry, Wire):
         return make_wire(geometry)
+    if isinstance(geometry, Quadric):
+        return make_quadric_face(geometry)
     return make_face(geometry) if isinstance(geometry, BSplineSurface) else make_edge(geometry)
 
 
@@ -382,16 +395,18 @@ def _facts(body: Any) -> BodyFacts:
 
 def _part(path: str, i: int, item: Item, body: BodyFacts | None) -> Part:
     is_face = item.shape.ShapeType() == _TopAbs.TopAbs_FACE
-    geometry: BSplineSurface | BSplineCurve | EllipseArc
+    geometry: Single
     trimmed = False
     try:
         with kernel_guard("reading a shape"):
-            if is_face:
+            if is_face and (quadric := quadric_of_face(item.shape)) is not None:
+                geometry, source = quadric, ENTITIES[quadric.kind]
+            elif is_face:
                 geometry, source, trimmed = face_geometry(item.shape)
             else:
                 geometry, source = edge_geometry(item.shape)
             valid = is_valid(item.shape)
-        if not isinstance(geometry, EllipseArc):
+        if isinstance(geometry, BSplineCurve | BSplineSurface):
             geometry = restored(geometry, item.originals)
     except KernelError as error:
         raise KernelError(f"{path}: part {i} ({item.name!r}): {error}") from error

@@ -206,7 +206,8 @@ def _kind(geometry: Any, kinds: dict[str, str]) -> str:
     return kinds.get(name, name.removeprefix("Geom_"))
 
 
-def _untrimmed(geometry: Any) -> Any:
+def untrimmed(geometry: Any) -> Any:
+    """The curve or surface that a trimmed one is a part of."""
     while type(geometry).__name__ in ("Geom_TrimmedCurve", "Geom_RectangularTrimmedSurface"):
         geometry = geometry.BasisCurve() if hasattr(geometry, "BasisCurve") else geometry.BasisSurface()
     return geometry
@@ -219,7 +220,7 @@ def is_b_spline(geometry: Any) -> bool:
 
 def _is_exact(geometry: Any) -> bool:
     """Whether the kernel turns it into a B-spline exactly: everything but offsets and what is made from them."""
-    geometry = _untrimmed(geometry)
+    geometry = untrimmed(geometry)
     if hasattr(geometry, "BasisCurve"):
         return "Offset" not in type(geometry).__name__ and _is_exact(geometry.BasisCurve())
     return type(geometry).__name__ in _CURVES.keys() | _SURFACES.keys() - {"Geom_OffsetSurface"}
@@ -233,7 +234,7 @@ def exact_curve(curve: Any, first: float, last: float) -> tuple[BSplineCurve | E
     KernelError
         When the range is unbounded or the curve has no exact rational form.
     """
-    curve = _untrimmed(curve)
+    curve = untrimmed(curve)
     kind = _kind(curve, _CURVES)
     _check_exact(curve, kind, (first, last))
     if kind in ("CIRCLE", "ELLIPSE"):
@@ -274,7 +275,7 @@ def exact_surface(surface: Any, bounds: Bounds) -> tuple[BSplineSurface, str, Bo
     KernelError
         When the bounds are infinite or the surface has no exact rational form.
     """
-    surface = _untrimmed(surface)
+    surface = untrimmed(surface)
     kind = _kind(surface, _SURFACES)
     if kind in ("B_SPLINE_SURFACE", "BEZIER_SURFACE"):
         if kind == "B_SPLINE_SURFACE":

@@ -99,7 +99,7 @@ def face_geometry(face: Any) -> tuple[BSplineSurface, str, bool]:
     face = as_face(face)
     surface = _BRep.BRep_Tool.Surface_s(face)
     spline, kind, bounds = exact_surface(surface, _BRepTools.UVBounds_s(face))
-    return spline, kind, not _fills(face, bounds)
+    return spline, kind, not fills(face, bounds)
 
 
 def edge_geometry(edge: Any) -> tuple[BSplineCurve | EllipseArc, str]:
@@ -126,7 +126,7 @@ def is_periodic_spline(piece: Any) -> bool:
     return is_b_spline(curve) and bool(curve.IsPeriodic())
 
 
-def _fills(face: Any, bounds: Bounds) -> bool:
+def fills(face: Any, bounds: Bounds) -> bool:
     """Whether the boundary of a face runs along the sides of a parameter rectangle, within the edges' tolerance."""
     wires = subshapes(face, "WIRE")
     if len(wires) > 1:

@@ -10,9 +10,8 @@ import numpy as np
 
 from gtcad.converters.bspline import Array
 from gtcad.converters.occt.compat import as_edge, as_face, kernel_guard, kernel_module, point
-from gtcad.converters.occt.geometry import _untrimmed as untrimmed
-from gtcad.converters.occt.pieces import _fills as fills
-from gtcad.converters.occt.pieces import subshapes
+from gtcad.converters.occt.geometry import untrimmed
+from gtcad.converters.occt.pieces import fills, subshapes
 from gtcad.converters.occt.topology import TOLERANCE, checked
 from gtcad.converters.quadrics import FULL_TURN, Kind, Quadric
 from gtcad.errors import InputError

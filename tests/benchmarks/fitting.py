@@ -8,9 +8,10 @@ from collections.abc import Callable
 import numpy as np
 
 from gtcad import Surface
-from gtcad.converters import approximation, certificate, fit_curve, fit_surface
+from gtcad.converters import fit_curve, fit_surface
 from tests import pieces
 from tests.benchmarks.timing import median, seconds, table
+from tests.benchmarks.workload import forget_kinds
 
 BATCH = 1000
 
@@ -51,8 +52,7 @@ def _poles() -> str:
 
 def _cold(action: Callable[[], object]) -> Callable[[], object]:
     def run_cold() -> object:
-        approximation._of_kind.cache_clear()
-        certificate._direction.cache_clear()
+        forget_kinds()
         return action()
 
     return run_cold

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 
 from gtcad import Curve, Surface
-from gtcad.converters import approximation, certificate, fit_curve, fit_surface
+from gtcad.converters import fit_curve, fit_surface
 from gtcad.errors import GtcadError
 from tests import pieces
 from tests.benchmarks.timing import table
+from tests.benchmarks.workload import forget_kinds
 
 PICTURE = Path("docs/images/growth.svg")
 PATCHES = (1, 10, 100, 1000, 10000)
@@ -52,16 +53,11 @@ def _rows(name: str, sizes: list[float], times: list[float], poles: list[float])
     return rows
 
 
-def _cold() -> None:
-    approximation._of_kind.cache_clear()
-    certificate._direction.cache_clear()
-
-
 def _measured(action: Callable[[], Any], repeats: int = 3) -> tuple[float, Any]:
     """Median processor time of a call that finds nothing cached, and its result: slopes that other programs spare."""
     times = []
     for _ in range(repeats):
-        _cold()
+        forget_kinds()
         start = time.process_time()
         result = action()
         times.append(time.process_time() - start)

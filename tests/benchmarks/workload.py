@@ -11,6 +11,7 @@ from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 
 from gtcad import Curve
+from gtcad.converters import approximation, certificate, fit, spline_basis
 from tests import pieces
 
 SEED = 20
@@ -46,6 +47,13 @@ def all_curves() -> dict[str, Curve]:
 def spatial(points: Array) -> Array:
     """The points with a third coordinate."""
     return np.pad(points, [(0, 0)] * (points.ndim - 1) + [(0, 3 - points.shape[-1])])
+
+
+def forget_kinds() -> None:
+    """Nothing is cached for the next fit: it is the first of its kind."""
+    kept = [approximation._of_kind, approximation._all_factors, approximation._shares]
+    for cached in (*kept, certificate._direction, fit._places, spline_basis._local_values):
+        cached.cache_clear()
 
 
 def samples(count: int) -> Array:

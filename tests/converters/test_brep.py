@@ -13,6 +13,7 @@ from gtcad.converters.bspline import BSplineCurve
 from gtcad.converters.occt.compat import kernel_module
 from gtcad.converters.occt.topology import make_edge, make_face
 from gtcad.converters.part import Part
+from gtcad.converters.quadrics import surface_of_quadric
 from gtcad.errors import FileError, InputError
 from tests.converters.occt import shapes
 
@@ -117,9 +118,8 @@ def test_mirrored_faces_are_exact(tmp_path):
     BRepTools.Write_s(moved, str(tmp_path / "a.brep"))
     part = read_brep(tmp_path / "a.brep")[0]
     assert (part.source, part.trimmed, part.valid) == ("SPHERICAL_SURFACE", False, True)
-    surface = part.geometry
-    u, v = np.linspace(*surface.knots_u[[0, -1]], 9), np.linspace(*surface.knots_v[[0, -1]], 9)
-    points = surface.evaluate(u[:, None], v) - [-1, 2, 3]
+    along = np.linspace(0, 1, 9)
+    points = surface_of_quadric(part.geometry).evaluate(along[:, None], along[None, :]) - [-1, 2, 3]
     assert np.abs(np.linalg.norm(points, axis=-1) - 2).max() < 1e-14
 
 

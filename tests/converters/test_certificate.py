@@ -205,6 +205,10 @@ def test_many_spans_are_proved_in_blocks(monkeypatch):
     surface = pieces.surfaces()["S33"]
     spline = fit_surface(surface, tolerance=1e-7, adapt=False).spline
     whole = certify_surface(surface, spline)
+    monkeypatch.setattr("gtcad.converters.certificate._IN_CACHE", 1)
+    parts = certify_surface(surface, spline)
+    assert (parts.lower, parts.upper) == pytest.approx((whole.lower, whole.upper), rel=1e-6)
+    assert parts.place == whole.place
     monkeypatch.setattr("gtcad.converters.certificate._BLOCK", 10_000)
     blocks = certify_surface(surface, spline)
     assert blocks.upper == pytest.approx(whole.upper, rel=0.02)
