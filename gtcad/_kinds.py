@@ -128,5 +128,7 @@ def _fields(shape: ModelShape) -> tuple[str, dict[str, Any]]:
         found = patch_data(shape) or ("surface", surface_data(shape))
     if found is None or found[1] is None:
         whole = shape.shape if isinstance(shape, RestrictedCurve | RestrictedSurface) else shape
-        raise InputError(f"a model file cannot hold {type(shape).__name__} of {type(whole).__name__}")
+        of = "" if whole is shape else f" of {type(whole).__name__}"
+        what = "all that it is made of" if isinstance(shape, Composite | Quilt | Solid) else "it"
+        raise InputError(f"a model file cannot hold {type(shape).__name__}{of}: it has no kind for {what}")
     return found[0], found[1]

@@ -35,10 +35,12 @@ import numpy as np
 from pydantic import ValidationError
 
 from gtcad import _checks as checks
+from gtcad._curve_kinds import CurveFields
 from gtcad._documents import Location, Problem, document_text, model_suffix, read_document, shown
-from gtcad._entries import TAG, ModelShape, ShapeEntry
+from gtcad._entries import TAG, ModelShape, ShapeEntry, Strict
 from gtcad._files import written_whole
 from gtcad._kinds import ENTRIES, MILLIMETRES, VERSION, ModelFile, entry_of
+from gtcad._quilt_kinds import EdgeFields
 from gtcad.errors import InputError, ModelError, SingularJoin
 
 MAX_PROBLEMS = 50  # more lines than this help nobody
@@ -299,9 +301,20 @@ def _in_our_words(data: Mapping[str, Any], location: Location, found: Mapping[st
 
 
 def _meant(data: Mapping[str, Any], location: Location) -> str:
-    entry = ENTRIES[_shapes(data)[int(location[1])]["kind"]] if location[0] == "shape" else ModelFile
-    close = difflib.get_close_matches(str(location[-1]), entry.model_fields, n=1)
+    close = difflib.get_close_matches(str(location[-1]), _fields_at(data, location), n=1)
     return f"; did you mean {close[0]}?" if close else ""
+
+
+def _fields_at(data: Mapping[str, Any], location: Location) -> Sequence[str]:
+    """The fields of the mapping that a location lies in."""
+    entry: type[Strict] = ModelFile
+    value: Any = data
+    for key in location[:-1]:
+        value = value[key]
+        if isinstance(value, dict):
+            nested = EdgeFields if "edges" in location else CurveFields
+            entry = ENTRIES[value["kind"]] if value.get("kind") in ENTRIES else nested
+    return list(entry.model_fields)
 
 
 def _lines(data: Mapping[str, Any], problems: Sequence[Problem]) -> list[str]:

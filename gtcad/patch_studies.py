@@ -31,7 +31,7 @@ Pair = tuple[float, float]
 
 _RTOL = 1e-9
 _SAMPLES = 65  # in each direction, then windows around the best: 9 x 9 samples, each a quarter as wide
-_WINDOWS = 6
+_WINDOWS = 9
 _LEAST_AREA = (1e-4, 1e-3)  # of the largest |S_u x S_v|: curvatures are looked at where it is larger
 _GROWTH = 1.5  # between both: curvatures that grow more have a pole
 _SMALL = 1e-3  # of the largest curvature: no pole

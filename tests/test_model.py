@@ -441,7 +441,7 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
     ("shapes", "keywords", "expected"),
     [
         ({}, {}, "shape: must hold 1 at least, got 0"),
-        ({"a": ARCH}, {}, "cannot hold dict of dict"),
+        ({"a": ARCH}, {}, "cannot hold dict: it has no kind for it"),
         ({"\n": Curve([[0, 0], [1, 2], [2, 0]])}, {}, "name: must not be empty"),
         ({"a": Curve([[0.0, 0.0], [1.0, 2.0], [2.0, 1e60]])}, {}, r"control_points\[2\]\[1\]: must be at most 1e\+50"),
         ({"a": Surface(np.zeros((3, 3, 2)))}, {}, "points must have 3 coordinates, got 2"),
