@@ -172,7 +172,7 @@ class RotationEntry(PatchEntry):
     profile: CurveField = Field(description="The curve that turns.")
     axis_point: Vector = Field(default=[0.0, 0.0, 0.0], description="A point of the axis.")
     axis_direction: Vector = Field(default=[0.0, 0.0, 1.0], description="Its direction.")
-    angle: Annotated[float, BeforeValidator(_turn), Field(ge=-_FULL_TURN, le=_FULL_TURN)] = Field(
+    angle: Annotated[float, Field(ge=-_FULL_TURN, le=_FULL_TURN), BeforeValidator(_turn)] = Field(
         default=_FULL_TURN, description="In degrees, from -360 to 360, not 0."
     )
     start: Number = Field(default=0.0, description="The angle in degrees at v = 0.")

@@ -112,7 +112,7 @@ class QuiltFields(ShapeEntry):
     edges: Annotated[list[EdgeFields], BeforeValidator(list_of("edges"))] = Field(
         default=[], description="Edges that are stated; all others are found."
     )
-    gap: Annotated[float, BeforeValidator(checks.not_negative), Field(ge=0)] = Field(
+    gap: Annotated[float, Field(ge=0), BeforeValidator(checks.not_negative)] = Field(
         default=0.0, description="How far apart the curves of a stated edge may be, in the file's unit."
     )
 

@@ -150,7 +150,7 @@ def design_rate(patch: SeparableSurface, variable: str) -> SurfaceOfTerms:
 
     Examples
     --------
-    The middle point of an arch falls when the functions at its ends grow: ``dphi_0/dgamma_1 = -s (1 - s)``.
+    The middle of an arch rises with gamma_1: ``dphi_1/dgamma_1 = s (1 - s)``.
 
     >>> from gtcad.patches import cylinder
     >>> roof = cylinder(Curve([[0, 0, 0], [1, 0, 1], [2, 0, 0]]), [0, 3, 0])

@@ -112,7 +112,8 @@ def _crossed(surface: SeparableSurface, u: Array, v: Array) -> Array:
 
 def _extremes(surface: SeparableSurface) -> tuple[Array, Array]:
     """The six extremes, shape (6,), and where they are, shape (2, 6)."""
-    u, v = _grid(np.linspace(0, 1, _SAMPLES), np.linspace(0, 1, _SAMPLES))
+    t = np.linspace(0, 1, _SAMPLES)
+    u, v = t[:, None], t[None, :]
     sizes = norm(_crossed(surface, u, v))
     values = _signed(surface, u, v)
     least, more = (part * float(sizes.max()) for part in _LEAST_AREA)
@@ -127,26 +128,24 @@ def _extremes(surface: SeparableSurface) -> tuple[Array, Array]:
     return _SIGNS * np.where(pole, np.inf, near[0]), near[1]
 
 
-def _grid(u: Array, v: Array) -> tuple[Array, Array]:
-    return u[:, None], v[None, :]
-
-
 def _refined(surface: SeparableSurface, values: Array, sizes: Array, least: float) -> tuple[Array, Array]:
-    """The largest of each row of samples and of finer ones around it, where |S_u x S_v| is not less than that."""
-    best, places = np.full(6, np.nan), np.zeros((2, 6))
-    for k, row in enumerate(values):
-        u = v = np.linspace(0, 1, _SAMPLES)
-        allowed = np.where(sizes > least, row, np.nan)
-        half = 1 / (_SAMPLES - 1)
-        for _ in range(_WINDOWS + 1):
-            if np.isfinite(allowed).any():
-                i, j = np.unravel_index(int(np.nanargmax(allowed)), allowed.shape)
-                if not allowed[i, j] <= best[k]:
-                    best[k], places[:, k] = allowed[i, j], (u[i], v[j])
-            u, v = (np.clip(place + half * np.linspace(-1, 1, 9), 0, 1) for place in places[:, k])
-            allowed = np.where(norm(_crossed(surface, *_grid(u, v))) > least, _signed(surface, *_grid(u, v))[k], np.nan)
-            half /= 4
-    return best, places
+    """The largest of each row of samples and of finer ones around it, where |S_u x S_v| is more than that."""
+    rows = np.arange(6)
+    u, v = np.meshgrid(*[np.linspace(0, 1, _SAMPLES)] * 2, indexing="ij")
+    places = np.tile(np.stack([u.ravel(), v.ravel()])[:, None], (1, 6, 1))
+    values, sizes = values.reshape(6, -1), np.tile(sizes.ravel(), (6, 1))
+    window = np.stack(np.meshgrid(*[np.linspace(-1, 1, 9)] * 2)).reshape(2, 1, -1)
+    best, found = np.full(6, -np.inf), np.zeros((2, 6))
+    for k in range(_WINDOWS + 1):
+        if k:
+            places = np.clip(found[..., None] + window / ((_SAMPLES - 1) * 4 ** (k - 1)), 0, 1)
+            values, sizes = _signed(surface, *places)[rows, rows], norm(_crossed(surface, *places))
+        allowed = np.where(np.isfinite(values) & (sizes > least), values, -np.inf)
+        first = allowed.argmax(axis=1)
+        better = allowed[rows, first] > best
+        best = np.where(better, allowed[rows, first], best)
+        found = np.where(better, places[:, rows, first], found)
+    return np.where(np.isfinite(best), best, np.nan), found
 
 
 # --- studies ----------------------------------------------------------------------------------------------------------
@@ -245,9 +244,7 @@ def patch_study(
     (('profile[0]', 'profile[1]', 'area', 'volume'), [0.0, 0.0, 3.141592654, 1.047197551])
     """
     axes = _axes(patch, variables)
-    numbers = tuple(np.atleast_1d(np.asarray(values, dtype=np.float64)).tolist())
-    if not numbers:
-        raise InputError("values must be one number or more, got none")
+    numbers = _checked_values(values)
     variants = []
     for chosen in itertools.product(numbers, repeat=len(axes)):
         try:
@@ -259,6 +256,16 @@ def patch_study(
     return PatchStudy(axes, (numbers,) * len(axes), tuple(variants))
 
 
+def _checked_values(values: ArrayLike) -> tuple[float, ...]:
+    try:
+        numbers = np.atleast_1d(np.asarray(values, dtype=np.float64))
+    except (TypeError, ValueError):
+        numbers = np.empty(0)
+    if numbers.ndim != 1 or not numbers.size:
+        raise InputError(f"values must be one number or more, got {values!r}")
+    return tuple(numbers.tolist())
+
+
 def _axes(patch: SeparableSurface, variables: str | Sequence[str] | None) -> tuple[str, ...]:
     names = tuple(design_variables(patch))
     if not names:
@@ -267,10 +274,9 @@ def _axes(patch: SeparableSurface, variables: str | Sequence[str] | None) -> tup
     chosen = names[0] if variables is None else variables
     if isinstance(chosen, str):
         chosen = (f"{chosen}[0]", f"{chosen}[1]") if chosen in names else (chosen,)
-    chosen = tuple(chosen)
-    wrong = [axis for axis in chosen if axis not in allowed]
-    if wrong or len(chosen) not in (1, 2):
-        raise InputError(f"variables must be one or two of {', '.join(allowed)}, got {', '.join(chosen) or 'none'}")
+    chosen = tuple(chosen) if isinstance(chosen, Sequence) else (chosen,)
+    if not set(chosen) <= set(allowed) or len(chosen) not in (1, 2):
+        raise InputError(f"variables must be one or two of {', '.join(allowed)}, got {variables!r}")
     if len(chosen) == 2 and (chosen[0] in _singles(chosen[1]) or chosen[1] in _singles(chosen[0])):
         raise InputError(f"variables must be different ones, got {' and '.join(chosen)}")
     return chosen

@@ -96,7 +96,7 @@ def draw_surface(
     if isinstance(surface, Quilt):
         patches, turned = surface.patches, surface.flipped
     else:
-        patches = (surface,) if isinstance(surface, SeparableSurface) else tuple(surface)
+        patches = tuple(surface) if isinstance(surface, Sequence) else (surface,)
         turned = (False,) * len(patches)
     _check(patches, colour_by)
     faces = min(_FACES["one"], max(_LEAST_FACES, math.isqrt(_MOST_FACES // len(patches))))

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from gtcad import Curve
-from gtcad.composite import Composite, _System
+from gtcad._chain_system import ChainSystem
+from gtcad.composite import Composite
 from gtcad.continuity import chain_rule
 from gtcad.errors import InputError, SingularJoin
 from tests import pieces
@@ -160,7 +161,7 @@ def test_bad_chains():
 
 def test_the_slopes_of_the_moves_are_what_differences_say():
     drawn = loop(np.random.default_rng(3), 3, 6, 3.0)
-    system = _System(Composite(tuple(drawn), ("G3", "G2", "G1"), True), [(0, 2)])
+    system = ChainSystem(drawn, ("G3", "G2", "G1"), [(0, 2)])
     scales = [(1.3, 0.4, -0.2), (0.8, -0.3, 0.0), (1.1, 0.0, 0.0)]
     slopes = system.slopes(scales, [0, 1, 2], system.solution(scales))
     step, k = 1e-6, 0

@@ -30,6 +30,7 @@ ORDER = [
     "gtcad.differential",
     "gtcad.measure",
     "gtcad.continuity",
+    "gtcad._chain_system",
     "gtcad.composite",
     "gtcad.conics",
     "gtcad.roots",

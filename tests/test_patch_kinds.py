@@ -50,6 +50,7 @@ def patches() -> dict[str, SeparableSurface]:
     meridian = Curve([[3, 0, 0], [4.5, 0, 1 / 3], [2, 0, 6]], (0.25, 0.5))
     plane = Curve([[0.1, 0], [0.2, 0.4], [0.3, 0.1]], (-0.5, 1))
     bow = Curve([[0, 0, 0], [0, 0, 10], [10, 0, 20], [20, 10, 20]], (0.2, -0.2))
+    loop = Curve([[5, 0, 0], [5, 5, 2], [-9, 5, 1], [1, -9, -2], [5, -5, -2], [5, 0, 0]])
     sections = [arc(z) for z in (0, 1, 2.5, 7)]
     return {
         "ruled": Ruled(arc(), Restricted(line([4, 0, 5], [0, 5, 6]), (1.0, 0.25))),
@@ -62,7 +63,7 @@ def patches() -> dict[str, SeparableSurface]:
         "plain rotation": Rotation(meridian, [0, 0, 0], [0, 0, 1]),
         "sweep": Sweep(plane, bow, frame="fixed", start_normal=[1, 0, 0.1], scale=(1, 0.5, 1 / 3), placement=TILT),
         "frenet": Sweep(plane, bow, frame="frenet", twist_deg=-12.5),
-        "closed sweep": Sweep(plane, Curve([[5, 0, 0], [9, 9, 2], [-9, 5, 1], [1, -9, -2], [5, 0, 0]]), closed=False),
+        "closed sweep": Sweep(plane, loop, closed=True),
         "lofted": Lofted(sections, [0, 0.2, 0.6, 1], (0.3, -0.1)),
         "classical loft": Lofted(sections, family_v=BERNSTEIN),
         "coons": Coons(
@@ -132,7 +133,7 @@ def test_the_kinds_are_what_they_say(tmp_path: Path) -> None:
     )
     u, v = GRID[:, None], GRID[None, :]
     along, flat, one = model["line"].evaluate(GRID)[:, None], model["plane"].evaluate(GRID)[:, None], v[..., None]
-    assert model["ruled"].evaluate(u, 1) == pytest.approx((1 - u) * [3, 0, 9] + u * [0, 3, 9], abs=1e-12)
+    assert model["ruled"].evaluate(GRID, 1) == pytest.approx((1 - u) * [3, 0, 9] + u * [0, 3, 9], abs=1e-12)
     assert model["cylinder"].evaluate(u, v) == pytest.approx(np.insert(flat, 2, 0, -1) + one * [1, 2, 3])
     assert model["cone"].evaluate(u, v) == pytest.approx((1 - one / 2) * along + one / 2 * [1, 2, 9])
     assert model["swept"].evaluate(u, v) == pytest.approx(along + model["line"].evaluate(GRID))
@@ -150,7 +151,7 @@ def test_the_kinds_are_what_they_say(tmp_path: Path) -> None:
     carried = x[..., None] * normal + y[..., None] * np.cross(tangent, normal) + model["line"].evaluate(GRID)
     assert model["sweep"].evaluate(u, v) == pytest.approx(carried, abs=1e-12)
     assert model["lofted"].family_v is GT
-    assert model["lofted"].evaluate(u, 0.25)[:, 0] == pytest.approx(along[:, 0])
+    assert model["lofted"].evaluate(GRID, 0.25) == pytest.approx(along[:, 0], abs=1e-12)
 
 
 def test_named_curves_may_follow_and_serve_several_patches(tmp_path: Path) -> None:
@@ -219,9 +220,6 @@ def test_a_wrong_field_is_named_with_what_was_given_and_what_is_allowed(
 
 
 def test_patches_of_what_a_model_file_cannot_hold_are_refused() -> None:
-    class Strange(Curve):
-        pass
-
     whole = Rotation(arc(), [0, 0, 0], [0, 0, 1])
     for patch in (Restricted(whole, ((0, 1), (0, 0.5))), Swept(whole.boundary("u0"), arc())):
         with pytest.raises(InputError, match="shape 'x': a model file cannot hold"):

@@ -344,7 +344,7 @@ def test_all_patches_of_a_study_share_the_corners(kind):
 
 def test_wrong_studies_are_refused():
     ruled = KINDS["ruled"]
-    for variables in ("c", ["a", "c[0]"], ["a[2]"], [], ["a[0]", "a[1]", "b"]):
+    for variables in ("c", ["a", "c[0]"], ["a[2]"], [], ["a[0]", "a[1]", "b"], 3):
         with pytest.raises(InputError, match=r"variables must be one or two of a, a\[0\], a\[1\], b"):
             patch_study(ruled, variables)
     for variables in (["a", "a[0]"], ["a[1]", "a"], ["b", "b"]):
@@ -352,8 +352,9 @@ def test_wrong_studies_are_refused():
             patch_study(ruled, variables)
     with pytest.raises(InputError, match=r"a\[0\] = 2, a\[1\] = 2: a\[0\] must lie in \[-1, 1\], got 2"):
         patch_study(ruled, values=[2])
-    with pytest.raises(InputError, match="values must be one number or more, got none"):
-        patch_study(ruled, values=[])
+    for values in ([], "x", [[0.0, 1.0]]):
+        with pytest.raises(InputError, match="values must be one number or more, got"):
+            patch_study(ruled, values=values)
     with pytest.raises(InputError, match="origin must be three finite numbers"):
         patch_study(ruled, values=[0], origin=(0, 0))
     three = Lofted(SECTIONS[:3])
