@@ -193,11 +193,10 @@ def _effective_degrees(norms: Array, allowance: float) -> tuple[int, ...]:
 def _sample(series: Array, shape: tuple[int, ...]) -> Array:
     """Squared norms of series (d, K[, L], B) on the tensor grid of Chebyshev zeros, shape (M[, N], B)."""
     values = series
-    for count in reversed(shape):
-        values = np.moveaxis(values, -2, 1)  # the variable at hand first: one product of matrices for all the rest
-        size, terms, *rest = values.shape
-        values = (evaluation(count, terms) @ values.reshape(size, terms, -1)).reshape(size, count, *rest)
-    return _squares(values)
+    for axis in range(len(shape), 0, -1):
+        table = evaluation(shape[axis - 1], series.shape[axis])
+        values = table @ values.reshape(*series.shape[: axis + 1], -1)
+    return _squares(values).reshape(*shape, -1)
 
 
 def _squares(vectors: Array) -> Array:
