@@ -29,13 +29,17 @@ if TYPE_CHECKING:
     from . import conics as conics
     from . import continuity as continuity
     from . import converters as converters
+    from . import design_variables as design_variables
     from . import differential as differential
     from . import interpolation as interpolation
     from . import measure as measure
     from . import offset as offset
+    from . import patch_joins as patch_joins
+    from . import patch_studies as patch_studies
     from . import patches as patches
     from . import pictures as pictures
     from . import queries as queries
+    from . import surface_pictures as surface_pictures
 
 __version__ = "0.1.0"
 
@@ -58,14 +62,18 @@ __getattr__, __dir__, __all__ = lazy_names(
         "conics": "conics",
         "continuity": "continuity",
         "converters": "converters",
+        "design_variables": "design_variables",
         "differential": "differential",
         "dump_model": "model",
         "interpolation": "interpolation",
         "load_model": "model",
         "measure": "measure",
         "offset": "offset",
+        "patch_joins": "patch_joins",
+        "patch_studies": "patch_studies",
         "patches": "patches",
         "pictures": "pictures",
         "queries": "queries",
+        "surface_pictures": "surface_pictures",
     },
 )

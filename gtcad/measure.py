@@ -162,7 +162,7 @@ def area(surface: ParametricSurface, *, rtol: float = 1e-12) -> Estimate:
     >>> round(area(rectangle), 12)
     6.0
     """
-    return _over_square(lambda u, v: _norm(_crossed(surface, u, v)), rtol)
+    return over_square(lambda u, v: _norm(_crossed(surface, u, v)), rtol)
 
 
 def volume(
@@ -207,7 +207,7 @@ def volume(
             points = surface.derivative(u, v, (0, 0)) - centre
             return np.asarray(np.einsum("uvd,uvd->uv", points, _crossed(surface, u, v))) / 3
 
-        return _over_square(integrand, rtol)
+        return over_square(integrand, rtol)
 
     parts = [part(s) for s in (surfaces if isinstance(surfaces, Iterable) else (surfaces,))]
     return Estimate(math.fsum(parts), math.fsum(p.error for p in parts))
@@ -250,7 +250,7 @@ def dirichlet_energy(surface: ParametricSurface, *, rtol: float = 1e-12) -> Esti
         s_u, s_v = surface.derivative(u, v, (1, 0)), surface.derivative(u, v, (0, 1))
         return np.asarray((s_u * s_u).sum(axis=-1) + (s_v * s_v).sum(axis=-1)) / 2
 
-    return _over_square(integrand, rtol)
+    return over_square(integrand, rtol)
 
 
 def _dirichlet_form(surface: Surface) -> Estimate:
@@ -365,7 +365,7 @@ def _over_interval(integrand: Callable[[Array], Array], rtol: float) -> Estimate
     return _adaptive(pieces_at, 1, rtol)
 
 
-def _over_square(integrand: Callable[[Array, Array], Array], rtol: float) -> Estimate:
+def over_square(integrand: Callable[[Array, Array], Array], rtol: float) -> Estimate:
     def pieces_at(corner: Array, width: Array) -> _Pieces:
         parameters = corner[:, :, None] + width[:, :, None] * _rules()[0]
         return _integrated(corner, width, np.stack([integrand(u[:, None], v[None, :]) for u, v in parameters]))

@@ -22,7 +22,7 @@ from gtcad.basis import Gamma
 from gtcad.design_variables import STENCIL, design_rate, design_variables, weighted_sum, with_design_variables
 from gtcad.differential import principal_curvatures
 from gtcad.errors import InputError
-from gtcad.measure import Estimate, _over_square, area, volume
+from gtcad.measure import Estimate, area, over_square, volume
 from gtcad.patches._patch import checked_vector
 from gtcad.protocol import SeparableSurface
 
@@ -413,7 +413,7 @@ def _area_rate(surface: SeparableSurface, rate: SeparableSurface) -> Estimate:
         unit = np.where(lengths > 0, crossed / lengths, 0.0)
         return _without_rounding(np.einsum("uvd,uvd->uv", unit, change), size)
 
-    return _over_square(integrand, _RTOL)
+    return over_square(integrand, _RTOL)
 
 
 def _volume_rate(surface: SeparableSurface, rate: SeparableSurface, center: Array) -> Estimate:
@@ -423,7 +423,7 @@ def _volume_rate(surface: SeparableSurface, rate: SeparableSurface, center: Arra
         total = np.einsum("uvd,uvd->uv", moves, crossed) + np.einsum("uvd,uvd->uv", points, change)
         return _without_rounding(total, size * float((norm(points) + norm(moves)).max())) / 3
 
-    return _over_square(integrand, _RTOL)
+    return over_square(integrand, _RTOL)
 
 
 def _without_rounding(values: Array, size: float) -> Array:

@@ -98,14 +98,14 @@ def draw_comb(
     sparse = comb(curve, teeth=teeth, scale=smooth.scale)
     marks = _marks(curve, smooth) if extremes else []
     plane = sparse.points.shape[1] == 2
-    with _picture(path, (8.0, 7.5) if plane else (8.0, 9.5), title or "Curvature comb", unit) as figure:
+    with written_picture(path, (8.0, 7.5) if plane else (8.0, 9.5), title or "Curvature comb", unit) as figure:
         ratios = (3, 1) if plane else (3, 0.7, 0.7)
         grid = figure.add_gridspec(len(ratios), 1, height_ratios=ratios)
         axes = figure.add_subplot(grid[0], projection=None if plane else "3d")
         polygons = _polygons(curve) if polygon else []
         _draw_shape(axes, smooth, sparse, polygons)
         _draw_marks(axes, [(kind, point) for kind, _, _, point in marks])
-        _frame(axes, [smooth.points, sparse.tips, smooth.envelope, *polygons], unit)
+        framed(axes, [smooth.points, sparse.tips, smooth.envelope, *polygons], unit)
         graph = figure.add_subplot(grid[1])
         _draw_curvature(graph, smooth, marks, unit)
         if not plane:
@@ -163,7 +163,7 @@ def draw_gamma_study(
     rows, columns = len(study.gamma_1), len(study.gamma_2)
     plane = points.shape[1] == 2
     size = (max(2.8 * columns, 6.0), (2.4 if plane else 3.2) * rows + 1.2)
-    with _picture(path, size, title or "Design variables", unit) as figure:
+    with written_picture(path, size, title or "Design variables", unit) as figure:
         for place, (variant, fine) in enumerate(zip(study.variants, smooth, strict=True)):
             axes = figure.add_subplot(rows, columns, place + 1, projection=None if plane else "3d")
             for k, other in enumerate(smooth):
@@ -173,8 +173,8 @@ def draw_gamma_study(
             _draw_shape(axes, fine, sparse, _polygons(variant.curve) if polygon else [])
             marks = _marks(variant.curve, fine) if extremes else []
             _draw_marks(axes, [(kind, point) for kind, _, _, point in marks])
-            _frame(axes, drawn, unit)
-            _inner(axes, place, rows, columns)
+            framed(axes, drawn, unit)
+            inner_box(axes, place, rows, columns)
             axes.set_title(_figures(variant, unit), fontsize=9, color=INK)
         _finish(figure, title)
 
@@ -185,7 +185,7 @@ def _cut(whole: Comb, longest: float) -> Comb:
     return replace(whole, tips=np.where(far[:, None], np.nan, whole.tips))
 
 
-def _inner(axes: Any, place: int, rows: int, columns: int) -> None:
+def inner_box(axes: Any, place: int, rows: int, columns: int) -> None:
     """Take away the labels that the first column and the last row show for all; in space those of all but one."""
     first, last = place % columns == 0, place // columns == rows - 1
     if hasattr(axes, "zaxis"):
@@ -201,7 +201,7 @@ def _inner(axes: Any, place: int, rows: int, columns: int) -> None:
 
 
 @contextmanager
-def _picture(path: str | os.PathLike[str], size: tuple[float, float], title: str, unit: str) -> Iterator[Any]:
+def written_picture(path: str | os.PathLike[str], size: tuple[float, float], title: str, unit: str) -> Iterator[Any]:
     """A figure that is written to the path when the block ends without an error."""
     form = Path(path).suffix.lower()
     if form not in _SUFFIXES:
@@ -314,7 +314,7 @@ def _draw_marks(axes: Any, marks: Sequence[tuple[str, Array]]) -> None:
             )
 
 
-def _frame(axes: Any, drawn: Sequence[Array], unit: str) -> None:
+def framed(axes: Any, drawn: Sequence[Array], unit: str) -> None:
     """Limits around all that is drawn, with one scale on all axes, and labels."""
     points = np.concatenate(drawn)
     low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
@@ -331,14 +331,14 @@ def _frame(axes: Any, drawn: Sequence[Array], unit: str) -> None:
         return
     axes.set_proj_type("ortho")
     axes.set_box_aspect(sides.tolist())
-    axes.view_init(*_view(points[np.isfinite(points).all(axis=1)]))
+    axes.view_init(*view_along(points[np.isfinite(points).all(axis=1)]))
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_pane_color("white")
     for name, side in zip(names, sides / sides.max(), strict=True):
         axes.locator_params(axis=name, nbins=1 + round(4 * side))
 
 
-def _view(points: Array) -> tuple[float, float]:
+def view_along(points: Array) -> tuple[float, float]:
     """Elevation and azimuth in degrees, from where points in space look widest, turned a little towards the usual."""
     usual = np.array([0.43, -0.75, 0.5])
     across = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][-1]

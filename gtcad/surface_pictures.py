@@ -19,7 +19,7 @@ from gtcad.design_variables import design_variables
 from gtcad.differential import gaussian_curvature, mean_curvature
 from gtcad.errors import InputError
 from gtcad.patch_studies import PatchStudy, PatchVariant, patch_study
-from gtcad.pictures import GREY, INK, _frame, _inner, _picture, _view
+from gtcad.pictures import GREY, INK, framed, inner_box, view_along, written_picture
 from gtcad.protocol import SeparableSurface
 from gtcad.quilt import Quilt
 
@@ -101,10 +101,10 @@ def draw_surface(
     _check(patches, colour_by)
     faces = min(_FACES["one"], max(_LEAST_FACES, math.isqrt(_MOST_FACES // len(patches))))
     drawing = _drawing(patches, turned, colour_by, faces)
-    with _picture(path, (8.0, 6.5), title or "Surface", unit) as figure:
+    with written_picture(path, (8.0, 6.5), title or "Surface", unit) as figure:
         axes = figure.add_subplot(projection="3d")
-        _frame(axes, [drawing.points], unit)
-        _draw(figure, [(axes, drawing)], colour_by, unit, _view(drawing.points))
+        framed(axes, [drawing.points], unit)
+        _draw(figure, [(axes, drawing)], colour_by, unit, view_along(drawing.points))
         if title:
             figure.suptitle(title, fontsize=13, color=INK)
 
@@ -146,18 +146,20 @@ def draw_patch_study(
     drawings = [_drawing((patch,), (False,), colour_by, _FACES["study"]) for patch in patches]
     points = np.concatenate([drawing.points for drawing in drawings])
     rows, columns = (len(study.values[0]), len(study.values[1])) if len(study.axes) == 2 else (1, len(patches))
-    with _picture(path, (max(3.0 * columns, 6.0), 3.0 * rows + 0.6), title or "Design variables", unit) as figure:
+    with written_picture(
+        path, (max(3.0 * columns, 6.0), 3.0 * rows + 0.6), title or "Design variables", unit
+    ) as figure:
         width, height = figure.get_size_inches()
         left, below = _MARGIN / width, _MARGIN / height
         figure.get_layout_engine().set(rect=(left, below, 1 - left, 1 - below))
         cells = []
         for place, (variant, drawing) in enumerate(zip(study.variants, drawings, strict=True)):
             axes = figure.add_subplot(rows, columns, place + 1, projection="3d")
-            _frame(axes, [points], unit)
-            _inner(axes, place, rows, columns)
+            framed(axes, [points], unit)
+            inner_box(axes, place, rows, columns)
             axes.set_title(_figures(study, variant, float(norm(np.ptp(points, axis=0))), unit), fontsize=8, color=INK)
             cells.append((axes, drawing))
-        _draw(figure, cells, colour_by, unit, _view(points))
+        _draw(figure, cells, colour_by, unit, view_along(points))
         if title:
             figure.suptitle(title, fontsize=13, color=INK)
 

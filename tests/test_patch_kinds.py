@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from gtcad.protocol import SeparableSurface
 from tests.test_model import valid_by_schema
 
 SCHEMA = schema()
-UNITS = [("mm", 1), ("cm", 10), ("m", 1000), ("in", 25.4), ("ft", 304.8)]
+UNITS = [("mm", 1), ("cm", 10), ("in", 25.4)]
 GRID = np.linspace(0, 1, 9)
 TILT = np.array([[1.0, 0.2, 0.0, 5.0], [0.0, 1.0, 0.3, -1.0], [0.1, 0.0, 2.0, 1 / 3]])
 
@@ -45,6 +46,7 @@ def line(a: Any, b: Any) -> Curve:
     return Curve([a, b], family=BERNSTEIN)
 
 
+@cache
 def patches() -> dict[str, SeparableSurface]:
     """One of every kind and with every field at a value of its own."""
     meridian = Curve([[3, 0, 0], [4.5, 0, 1 / 3], [2, 0, 6]], (0.25, 0.5))

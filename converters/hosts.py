@@ -1,0 +1,423 @@
+"""What build123d and CadQuery have in common: core shapes as shapes of the kernel, and back.
+
+All lengths are in mm. Each shape of the kernel comes with the exact shape and the proof, in a `Made`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gtcad.basis import BERNSTEIN, GT, Basis, checked_gamma
+from gtcad.composite import Composite
+from gtcad.continuity import Scale, Thresholds, join_curve, parsed_order
+from gtcad.converters.bspline import BSplineCurve, BSplineSurface
+from gtcad.converters.chain import ChainFit, as_curve, fit_chain
+from gtcad.converters.design import Design, nearest_chain, nearest_gt
+from gtcad.converters.fit import Fit, fit_curve, fit_surface
+from gtcad.converters.part import EllipseArc, Wire
+from gtcad.converters.quadrics import Quadric
+from gtcad.converters.quilt_fit import QuiltFit, fit_quilt
+from gtcad.converters.solid import Body, solid_of, thicken
+from gtcad.curve import Curve
+from gtcad.edge_check import EdgeReport, check_edge
+from gtcad.errors import InputError, ToleranceNotMet
+from gtcad.patch_joins import join_patch
+from gtcad.protocol import SeparableCurve, SeparableSurface, Shape
+from gtcad.quilt import Quilt
+from gtcad.solid import Solid
+from gtcad.surface import Surface
+
+Array = NDArray[np.float64]
+Core = Shape | Composite | Quilt | Solid
+Exact = TypeVar("Exact", bound=Core)
+
+DEFAULT_TOLERANCE = 1e-3
+"""mm: what a host object keeps unless told otherwise; a hundredth of what machining usually holds."""
+
+_QUILT_SETTINGS = ("degree", "continuity", "max_spans", "max_degree", "adapt")
+
+
+@dataclass(frozen=True, eq=False)
+class AnalyticFit:
+    """An analytic curve or surface that is the shape itself, and what was proved of it.
+
+    Attributes
+    ----------
+    geometry
+        In mm.
+    deviation
+        (lower, upper) in mm, the upper one proved: rounding.
+    """
+
+    geometry: EllipseArc | Quadric
+    deviation: tuple[float, float]
+
+    @property
+    def exact(self) -> bool:
+        """True: up to rounding it is the shape."""
+        return True
+
+
+AnyFit = Fit[Any, Any] | AnalyticFit | ChainFit | QuiltFit
+
+
+@dataclass(frozen=True, eq=False)
+class Made(Generic[Exact]):
+    """A shape of the kernel, what it stands for, and how far it is from that.
+
+    Attributes
+    ----------
+    shape
+        TopoDS_Edge, _Wire, _Face, _Shell or _Solid, valid by the kernel's own check; in mm.
+    exact
+        The shape of gtcad.
+    fit
+        What was fitted; its ``deviation`` is that of the faces or edges of the shape's own patches and curves.
+    deviation
+        (lower, upper) in mm, of all of the shape.
+    proved
+        Whether the upper bound is proved: always, but for the offset faces of walls, which are estimated.
+    body
+        Volume, area and named faces of a solid; None of others.
+    """
+
+    shape: Any
+    exact: Exact
+    fit: AnyFit
+    deviation: tuple[float, float]
+    proved: bool = True
+    body: Body | None = None
+
+
+# --- which geometry ---------------------------------------------------------------------------------------------------
+
+
+def choose_geometry(
+    shape: Shape | Composite, *, tolerance: float = DEFAULT_TOLERANCE, **settings: Any
+) -> tuple[BSplineCurve | BSplineSurface | EllipseArc | Quadric | Wire, Fit[Any, Any] | AnalyticFit | ChainFit]:
+    """What a kernel or a file should hold of a curve, chain or patch, and what was proved of it.
+
+    Arcs of ellipses, planes, cylinders, cones, spheres and tori go as such, unless ``exact`` is False; a chain with
+    several edges as a `Wire`; all else as a B-spline.
+
+    Parameters
+    ----------
+    shape
+        In mm.
+    tolerance, settings
+        Of ``fit_curve``, ``fit_chain`` or ``fit_surface``.
+
+    Raises
+    ------
+    InputError, ToleranceBelowPrecision, ToleranceNotMet
+        As these.
+    """
+    if isinstance(shape, Composite):
+        chain = fit_chain(shape, tolerance=tolerance, **settings)
+        return (chain.edges[0] if len(chain.edges) == 1 else Wire(chain.edges)), chain
+    if isinstance(shape, SeparableCurve):
+        fit = fit_curve(shape, tolerance=tolerance, **settings)
+        arc = _as_arc(shape) if fit.exact else None
+        return (arc.geometry, arc) if arc else (fit.spline, fit)
+    quadric = _as_quadric(shape, tolerance) if settings.get("exact", True) else None
+    if quadric is not None:
+        return quadric.geometry, quadric
+    patch = fit_surface(shape, tolerance=tolerance, **settings)
+    return patch.spline, patch
+
+
+def _as_arc(curve: SeparableCurve) -> AnalyticFit | None:
+    from gtcad.converters.arcs import certify_arc, ellipse_arc
+
+    spatial = curve if curve.dimension == 3 else curve.transformed(np.eye(3, 2))
+    arc = ellipse_arc(spatial)
+    if arc is None:
+        return None
+    proved = certify_arc(spatial, arc)
+    return AnalyticFit(arc, (proved.lower, proved.upper))
+
+
+def _as_quadric(surface: SeparableSurface, tolerance: float) -> AnalyticFit | None:
+    from gtcad.converters.analytic import certify_quadric, quadric_of
+
+    quadric = quadric_of(surface)
+    if quadric is None:
+        return None
+    proved = certify_quadric(surface, quadric)
+    return AnalyticFit(quadric, (proved.lower, proved.upper)) if proved.upper <= tolerance else None
+
+
+# --- shapes of the kernel ---------------------------------------------------------------------------------------------
+
+
+def made_edge(
+    curve: SeparableCurve | Composite, *, tolerance: float = DEFAULT_TOLERANCE, **settings: Any
+) -> Made[SeparableCurve | Composite]:
+    """One edge: a line, an arc of an ellipse, or a B-spline.
+
+    Parameters
+    ----------
+    curve
+        In mm; a plane one lies at z = 0. A chain must be one edge: an arc, or pieces joined C1 to C3.
+    tolerance, settings
+        As of ``choose_geometry``.
+
+    Raises
+    ------
+    InputError
+        When the chain has several edges, or an argument is out of its range.
+    ToleranceBelowPrecision, ToleranceNotMet, KernelError
+        When the fit fails or the kernel refuses the edge.
+    """
+    from gtcad.converters.occt.topology import make_edge
+
+    _check_kind(curve, "curve", SeparableCurve, Composite)
+    geometry, fit = choose_geometry(curve, tolerance=tolerance, **settings)
+    if isinstance(geometry, Wire):
+        raise InputError(f"this chain has {len(geometry.edges)} edges, not one: make a wire of it")
+    assert isinstance(geometry, BSplineCurve | EllipseArc)
+    return Made(_straightened(make_edge(geometry), geometry), curve, fit, fit.deviation)
+
+
+def made_wire(
+    curve: SeparableCurve | Composite, *, tolerance: float = DEFAULT_TOLERANCE, **settings: Any
+) -> Made[SeparableCurve | Composite]:
+    """The wire of a chain, its edges sharing their vertices; or of one curve.
+
+    Raises
+    ------
+    InputError, ToleranceBelowPrecision, ToleranceNotMet, KernelError
+        As ``made_edge``.
+    """
+    _check_kind(curve, "curve", SeparableCurve, Composite)
+    geometry, fit = choose_geometry(curve, tolerance=tolerance, **settings)
+    assert isinstance(geometry, Wire | BSplineCurve | EllipseArc)
+    return Made(_wire(geometry if isinstance(geometry, Wire) else Wire((geometry,))), curve, fit, fit.deviation)
+
+
+def made_face(
+    surface: SeparableSurface, *, tolerance: float = DEFAULT_TOLERANCE, **settings: Any
+) -> Made[SeparableSurface]:
+    """One face: of a plane, cylinder, cone, sphere, torus or B-spline surface, with the patch's normal.
+
+    Parameters
+    ----------
+    surface
+        In mm; a patch in the plane, d = 2, becomes a face of the plane z = 0 with its normal upwards.
+    tolerance, settings
+        As of ``choose_geometry``.
+
+    Raises
+    ------
+    InputError, ToleranceBelowPrecision, ToleranceNotMet, KernelError
+        As ``made_edge``.
+    """
+    from gtcad.converters.occt.quadrics import make_quadric_face
+    from gtcad.converters.occt.topology import make_face
+
+    _check_kind(surface, "surface", SeparableSurface)
+    geometry, fit = choose_geometry(surface, tolerance=tolerance, **settings)
+    if isinstance(geometry, Quadric):
+        shape = make_quadric_face(geometry)
+    else:
+        assert isinstance(geometry, BSplineSurface)
+        shape = _plane_face(geometry) if geometry.dimension == 2 else make_face(geometry)
+    return Made(shape, surface, fit, fit.deviation)
+
+
+def made_shell(quilt: Quilt, *, tolerance: float = DEFAULT_TOLERANCE, **settings: Any) -> Made[Quilt]:
+    """The shell of a quilt, its faces sharing their edges: one for each patch, in order.
+
+    Raises
+    ------
+    InputError, ToleranceBelowPrecision, ToleranceNotMet, KernelError
+        As ``fit_quilt`` and ``make_shell``.
+    """
+    from gtcad.converters.occt.shells import make_shell
+
+    _check_kind(quilt, "quilt", Quilt)
+    fit = fitted_quilt(quilt, tolerance=tolerance, **settings)
+    return Made(make_shell(fit.splines, quilt.edges, quilt.flipped).shape, quilt, fit, fit.deviation)
+
+
+def made_solid(solid: Solid | Quilt, *, tolerance: float = DEFAULT_TOLERANCE, **settings: Any) -> Made[Solid]:
+    """The solid inside a closed or capped quilt, or the wall along it; a `Quilt` is taken for what it encloses.
+
+    Raises
+    ------
+    InputError, ToleranceBelowPrecision, ToleranceNotMet, KernelError
+        As ``fit_quilt``, ``solid_of`` and ``thicken``.
+    """
+    _check_kind(solid, "solid", Solid, Quilt)
+    meant = Solid(solid) if isinstance(solid, Quilt) else solid
+    fit = fitted_quilt(meant.quilt, tolerance=tolerance, **settings)
+    if meant.thickness is None:
+        body = solid_of(fit, caps=meant.caps)
+    else:
+        body = thicken(fit, meant.thickness, tolerance=tolerance, caps=meant.caps)
+    return Made(body.shape, meant, fit, (fit.deviation[0], body.deviation), body.proved, body)
+
+
+def fitted_quilt(quilt: Quilt, *, tolerance: float, **settings: Any) -> QuiltFit:
+    """``fit_quilt`` with those settings of a fit that it takes."""
+    return fit_quilt(quilt, tolerance=tolerance, **{key: settings[key] for key in _QUILT_SETTINGS if key in settings})
+
+
+def _check_kind(shape: object, name: str, *kinds: type) -> None:
+    if not isinstance(shape, kinds):
+        allowed = " or ".join(kind.__name__ for kind in kinds)
+        raise InputError(f"{name} must be a {allowed} of gtcad, got {type(shape).__name__}")
+
+
+def _straightened(edge: Any, curve: BSplineCurve | EllipseArc) -> Any:
+    """The edge of a line as one on a Geom_Line: what hosts extrude from it is a plane then."""
+    from gtcad.converters.occt.compat import kernel_guard, kernel_module, point
+    from gtcad.converters.occt.topology import TOLERANCE, checked, edge_between
+
+    if isinstance(curve, EllipseArc) or curve.degree != 1 or len(curve.control_points) != 2:
+        return edge
+    start, end = np.pad(curve.control_points, ((0, 0), (0, 3 - curve.dimension)))
+    length = float(np.linalg.norm(end - start))
+    ends = kernel_module("TopExp").TopExp
+    with kernel_guard("making a line"):
+        direction = kernel_module("gp").gp_Dir(*((end - start) / length).tolist())
+        line = kernel_module("Geom").Geom_Line(point(start), direction)
+        vertices = ends.FirstVertex_s(edge), ends.LastVertex_s(edge)
+        return checked(edge_between(line, *vertices, (0.0, length), TOLERANCE), "edge")
+
+
+def _wire(wire: Wire) -> Any:
+    from gtcad.converters.occt.compat import as_edge, kernel_module
+    from gtcad.converters.occt.pieces import subshapes
+    from gtcad.converters.occt.topology import checked, make_wire
+
+    first = make_wire(wire)
+    builder, result = kernel_module("BRep").BRep_Builder(), kernel_module("TopoDS").TopoDS_Wire()
+    builder.MakeWire(result)
+    for edge, curve in zip(subshapes(first, "EDGE"), wire.edges, strict=True):
+        builder.Add(result, _straightened(as_edge(edge), curve))
+    result.Closed(first.Closed())
+    return checked(result, "wire")
+
+
+def _plane_face(surface: BSplineSurface) -> Any:
+    """The face of the plane z = 0 inside the four sides of a patch; sides that are points are left out."""
+    from gtcad.converters.occt.compat import kernel_guard, kernel_module
+    from gtcad.converters.occt.topology import checked
+
+    sides = [(surface.boundary(side), side in ("v1", "u0")) for side in ("v0", "u1", "v1", "u0")]
+    loop = [_backwards(curve) if turn else curve for curve, turn in sides if np.ptp(curve.control_points, axis=0).any()]
+    gp = kernel_module("gp")
+    with kernel_guard("making a plane face"):
+        plane = gp.gp_Pln(gp.gp_Pnt(0.0, 0.0, 0.0), gp.gp_Dir(0.0, 0.0, 1.0))
+        made = kernel_module("BRepBuilderAPI").BRepBuilderAPI_MakeFace(plane, _wire(Wire(tuple(loop))), True)
+        return checked(made.Face(), "face")
+
+
+def _backwards(curve: BSplineCurve) -> BSplineCurve:
+    knots = (curve.knots[0] + curve.knots[-1] - curve.knots)[::-1]
+    weights = None if curve.weights is None else curve.weights[::-1]
+    return BSplineCurve(curve.control_points[::-1], knots, curve.multiplicities[::-1], curve.degree, weights)
+
+
+# --- from the kernel --------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class HostCurve:
+    """An edge of a host as a curve with derivatives, on [0, length], in the direction of the edge.
+
+    Attributes
+    ----------
+    geometry
+        The curve under the edge, in mm.
+    start, end
+        The parameters of `geometry` where the edge, or the part of it that is meant, starts and ends.
+    length
+        Of the parameter: such that the speed at the end is 1.
+    """
+
+    geometry: Any
+    start: float
+    end: float
+    length: float = 1.0
+
+    @property
+    def domain(self) -> tuple[float, float]:
+        """First and last parameter."""
+        return 0.0, self.length
+
+    def evaluate(self, t: ArrayLike) -> Array:
+        """Points, shape t.shape + (3,)."""
+        return self.derivative(t, 0)
+
+    def derivative(self, t: ArrayLike, order: int = 1) -> Array:
+        """Derivatives of the order, shape t.shape + (3,)."""
+        rate = (self.end - self.start) / self.length
+        x = self.start + rate * np.asarray(t, dtype=np.float64)
+        derived: Array = self.geometry.derivative(np.clip(x, *self.geometry.domain), order)
+        return derived * rate**order
+
+
+def core_of_edge(edge: Any, *, at: float = 1.0) -> HostCurve:
+    """The curve of a host's edge from its start to the place ``at``, or with ``at=0`` from its end to its start.
+
+    Parameters
+    ----------
+    edge
+        An edge of build123d or CadQuery, or a TopoDS_Edge.
+    at
+        In [0, 1], of the parameter of the edge's curve.
+
+    Raises
+    ------
+    InputError
+        When it is no edge, or ``at`` is out of range.
+    KernelError
+        When the edge has no exact rational form.
+    """
+    from gtcad.converters.occt.compat import kernel_guard, kernel_module
+    from gtcad.converters.occt.pieces import edge_geometry
+
+    if not 0 <= at <= 1:
+        raise InputError(f"at must lie in [0, 1], got {at!r}")
+    shape = _topology(edge, "EDGE")
+    with kernel_guard("the curve of an edge"):
+        curve = as_curve(edge_geometry(shape)[0])
+    first, last = curve.domain
+    if shape.Orientation() == kernel_module("TopAbs").TopAbs_REVERSED:
+        first, last = last, first
+    ends = (last, first) if at == 0 else (first, first * (1 - at) + last * at)
+    whole = HostCurve(curve, *ends)
+    speed = float(np.linalg.norm(whole.derivative(1.0)))
+    return HostCurve(curve, *ends, speed) if speed > 0 else whole
+
+
+def core_of_face(face: Any) -> BSplineSurface:
+    """The surface under a host's face, as a B-spline: all of the face, and more where it is trimmed.
+
+    Raises
+    ------
+    InputError
+        When it is no face.
+    KernelError
+        When the surface has no exact rational form.
+    """
+    from gtcad.converters.occt.compat import kernel_guard
+    from gtcad.converters.occt.pieces import face_geometry
+
+    with kernel_guard("the surface of a face"):
+        return face_geometry(_topology(face, "FACE"))[0]
+
+
+def _topology(given: Any, kind: str) -> Any:
+    shape = getattr(given, "wrapped", given)
+    name = type(shape).__name__
+    if not name.startswith("TopoDS_") or shape.IsNull() or not str(shape.ShapeType()).endswith(f"_{kind}"):
+        raise InputError(f"{kind.lower()} must be one of the host's {kind.lower()}s, got {type(given).__name__}")
+    return shape
