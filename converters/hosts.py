@@ -5,39 +5,62 @@ All lengths are in mm. Each shape of the kernel comes with the exact shape and t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from gtcad.basis import BERNSTEIN, GT, Basis, checked_gamma
 from gtcad.composite import Composite
-from gtcad.continuity import Scale, Thresholds, join_curve, parsed_order
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
-from gtcad.converters.chain import ChainFit, as_curve, fit_chain
-from gtcad.converters.design import Design, nearest_chain, nearest_gt
+from gtcad.converters.chain import ChainFit, fit_chain
 from gtcad.converters.fit import Fit, fit_curve, fit_surface
+from gtcad.converters.host_designs import (
+    DEFAULT_TOLERANCE,
+    FaceDesign,
+    FaceJoin,
+    HostCurve,
+    core_of_edge,
+    core_of_face,
+    curve_on_edge,
+    design_from_edge,
+    design_from_face,
+    patch_on_face,
+)
 from gtcad.converters.part import EllipseArc, Wire
 from gtcad.converters.quadrics import Quadric
 from gtcad.converters.quilt_fit import QuiltFit, fit_quilt
 from gtcad.converters.solid import Body, solid_of, thicken
-from gtcad.curve import Curve
-from gtcad.edge_check import EdgeReport, check_edge
-from gtcad.errors import InputError, ToleranceNotMet
-from gtcad.patch_joins import join_patch
+from gtcad.errors import InputError
 from gtcad.protocol import SeparableCurve, SeparableSurface, Shape
 from gtcad.quilt import Quilt
 from gtcad.solid import Solid
-from gtcad.surface import Surface
 
-Array = NDArray[np.float64]
+__all__ = [
+    "DEFAULT_TOLERANCE",
+    "AnalyticFit",
+    "AnyFit",
+    "Core",
+    "FaceDesign",
+    "FaceJoin",
+    "HostCurve",
+    "Made",
+    "choose_geometry",
+    "core_of_edge",
+    "core_of_face",
+    "curve_on_edge",
+    "design_from_edge",
+    "design_from_face",
+    "fitted_quilt",
+    "made_edge",
+    "made_face",
+    "made_shell",
+    "made_solid",
+    "made_wire",
+    "patch_on_face",
+]
+
 Core = Shape | Composite | Quilt | Solid
 Exact = TypeVar("Exact", bound=Core)
-
-DEFAULT_TOLERANCE = 1e-3
-"""mm: what a host object keeps unless told otherwise; a hundredth of what machining usually holds."""
 
 _QUILT_SETTINGS = ("degree", "continuity", "max_spans", "max_degree", "adapt")
 
@@ -92,6 +115,10 @@ class Made(Generic[Exact]):
     deviation: tuple[float, float]
     proved: bool = True
     body: Body | None = None
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Made[Exact]:
+        """Itself, as it never changes: hosts copy the attributes of their shapes."""
+        return self
 
 
 # --- which geometry ---------------------------------------------------------------------------------------------------
@@ -323,101 +350,3 @@ def _backwards(curve: BSplineCurve) -> BSplineCurve:
     knots = (curve.knots[0] + curve.knots[-1] - curve.knots)[::-1]
     weights = None if curve.weights is None else curve.weights[::-1]
     return BSplineCurve(curve.control_points[::-1], knots, curve.multiplicities[::-1], curve.degree, weights)
-
-
-# --- from the kernel --------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class HostCurve:
-    """An edge of a host as a curve with derivatives, on [0, length], in the direction of the edge.
-
-    Attributes
-    ----------
-    geometry
-        The curve under the edge, in mm.
-    start, end
-        The parameters of `geometry` where the edge, or the part of it that is meant, starts and ends.
-    length
-        Of the parameter: such that the speed at the end is 1.
-    """
-
-    geometry: Any
-    start: float
-    end: float
-    length: float = 1.0
-
-    @property
-    def domain(self) -> tuple[float, float]:
-        """First and last parameter."""
-        return 0.0, self.length
-
-    def evaluate(self, t: ArrayLike) -> Array:
-        """Points, shape t.shape + (3,)."""
-        return self.derivative(t, 0)
-
-    def derivative(self, t: ArrayLike, order: int = 1) -> Array:
-        """Derivatives of the order, shape t.shape + (3,)."""
-        rate = (self.end - self.start) / self.length
-        x = self.start + rate * np.asarray(t, dtype=np.float64)
-        derived: Array = self.geometry.derivative(np.clip(x, *self.geometry.domain), order)
-        return derived * rate**order
-
-
-def core_of_edge(edge: Any, *, at: float = 1.0) -> HostCurve:
-    """The curve of a host's edge from its start to the place ``at``, or with ``at=0`` from its end to its start.
-
-    Parameters
-    ----------
-    edge
-        An edge of build123d or CadQuery, or a TopoDS_Edge.
-    at
-        In [0, 1], of the parameter of the edge's curve.
-
-    Raises
-    ------
-    InputError
-        When it is no edge, or ``at`` is out of range.
-    KernelError
-        When the edge has no exact rational form.
-    """
-    from gtcad.converters.occt.compat import kernel_guard, kernel_module
-    from gtcad.converters.occt.pieces import edge_geometry
-
-    if not 0 <= at <= 1:
-        raise InputError(f"at must lie in [0, 1], got {at!r}")
-    shape = _topology(edge, "EDGE")
-    with kernel_guard("the curve of an edge"):
-        curve = as_curve(edge_geometry(shape)[0])
-    first, last = curve.domain
-    if shape.Orientation() == kernel_module("TopAbs").TopAbs_REVERSED:
-        first, last = last, first
-    ends = (last, first) if at == 0 else (first, first * (1 - at) + last * at)
-    whole = HostCurve(curve, *ends)
-    speed = float(np.linalg.norm(whole.derivative(1.0)))
-    return HostCurve(curve, *ends, speed) if speed > 0 else whole
-
-
-def core_of_face(face: Any) -> BSplineSurface:
-    """The surface under a host's face, as a B-spline: all of the face, and more where it is trimmed.
-
-    Raises
-    ------
-    InputError
-        When it is no face.
-    KernelError
-        When the surface has no exact rational form.
-    """
-    from gtcad.converters.occt.compat import kernel_guard
-    from gtcad.converters.occt.pieces import face_geometry
-
-    with kernel_guard("the surface of a face"):
-        return face_geometry(_topology(face, "FACE"))[0]
-
-
-def _topology(given: Any, kind: str) -> Any:
-    shape = getattr(given, "wrapped", given)
-    name = type(shape).__name__
-    if not name.startswith("TopoDS_") or shape.IsNull() or not str(shape.ShapeType()).endswith(f"_{kind}"):
-        raise InputError(f"{kind.lower()} must be one of the host's {kind.lower()}s, got {type(given).__name__}")
-    return shape

@@ -366,6 +366,8 @@ def _over_interval(integrand: Callable[[Array], Array], rtol: float) -> Estimate
 
 
 def over_square(integrand: Callable[[Array, Array], Array], rtol: float) -> Estimate:
+    """The integral of a function of u and v over the unit square, by adaptive Gauss-Legendre quadrature."""
+
     def pieces_at(corner: Array, width: Array) -> _Pieces:
         parameters = corner[:, :, None] + width[:, :, None] * _rules()[0]
         return _integrated(corner, width, np.stack([integrand(u[:, None], v[None, :]) for u, v in parameters]))

@@ -27,7 +27,7 @@ from gtcad.curve import Curve
 from gtcad.differential import torsion
 from gtcad.errors import ExtraMissing, FileError, InputError
 from gtcad.protocol import SeparableCurve
-from gtcad.queries import curvature_extremes
+from gtcad.queries import curvature_extremes, extremes_along
 
 Array = NDArray[np.float64]
 
@@ -250,15 +250,13 @@ Mark = tuple[str, float, float, Array]  # kind, arc length, curvature, point
 
 def _marks(curve: Derivable, smooth: Comb) -> list[Mark]:
     """The extremes of the curvature, with their place on the curve and on its graph."""
-    chain: Any = curve
     bounds = np.array(curve.domain)
-    if not isinstance(curve, SeparableCurve | Composite):
+    if isinstance(curve, SeparableCurve | Composite):
+        found = curvature_extremes(curve)
+        bounds = np.arange(bounds[0], bounds[1] + 1.0)
+    else:  # analytic between knots, and looked at across them
         bounds = np.asarray(getattr(curve, "knots", bounds), dtype=np.float64)
-        parts: Any = tuple(Part(curve, a, b) for a, b in pairwise(bounds.tolist()))
-        chain = Composite(parts, ("C0",) * (len(parts) - 1))  # analytic between knots, and looked at across them
-    elif isinstance(curve, Composite):
-        bounds = np.arange(len(curve.pieces) + 1.0)
-    found = curvature_extremes(chain)
+        found = extremes_along([Part(curve, a, b) for a, b in pairwise(bounds.tolist())])
     places = np.interp([extreme.parameter for extreme in found], np.arange(len(bounds)), bounds)
     along = np.interp(places, smooth.parameters, smooth.arc_lengths)
     points = curve.derivative(places, 0)

@@ -9,9 +9,9 @@ judged by the decay of Chebyshev coefficients, not proved.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal, overload
+from typing import Literal, Protocol, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -186,9 +186,22 @@ def intersect_plane(curve: SeparableCurve | Composite, point: ArrayLike, normal:
             raise InputError(f"{_named(curve, start)} lies in the plane")
         met.append(start + roots(height, noise=noise))
     t = _joined(np.concatenate(met), curve)
-    before, after = _sides(t, curve, lambda s: np.sign((curve.evaluate(s) - base) @ across))
+    before, after = _sides(t, curve.domain[1], _is_closed(curve), lambda s: np.sign((curve.evaluate(s) - base) @ across))
     points = curve.evaluate(t)
     return tuple(Crossing(float(t[k]), points[k], bool(before[k] * after[k] > 0)) for k in range(t.size))
+
+
+class Bending(Protocol):
+    """What has derivatives on [0, 1]."""
+
+    @property
+    def dimension(self) -> int:
+        """Space dimension d."""
+        ...
+
+    def derivative(self, t: ArrayLike, order: int = 1) -> Array:
+        """Derivatives of the order, 0 the point, shape t.shape + (d,)."""
+        ...
 
 
 def curvature_extremes(curve: SeparableCurve | Composite) -> tuple[Extreme, ...]:
@@ -216,16 +229,20 @@ def curvature_extremes(curve: SeparableCurve | Composite) -> tuple[Extreme, ...]
     >>> [(round(x.parameter, 9), x.kind, round(x.curvature, 9)) for x in curvature_extremes(parabola)]
     [(0.5, 'maximum', 2.0)]
     """
-    bends = [_Bend(piece) for piece in pieces_of(curve)]
-    joints = np.arange(1.0, len(bends))
-    if isinstance(curve, Composite) and curve.closed:
-        joints = np.append(0.0, joints)
+    return extremes_along(pieces_of(curve), closed=_is_closed(curve))
+
+
+def extremes_along(pieces: Sequence[Bending], *, closed: bool = False) -> tuple[Extreme, ...]:
+    """The same of pieces over [0, 1], [1, 2], ... that are anything with derivatives, such as spans of a spline."""
+    bends = [_Bend(piece) for piece in pieces]
+    joints = np.arange(0.0 if closed else 1.0, len(bends))
+    last = float(len(bends))
     inner = [start + roots(f, noise=_SLOPE_NOISE) for start, bend in enumerate(bends) for f in bend.functions]
-    t = _stations(np.concatenate([joints, *inner]), joints, curve)
+    t = _stations(np.concatenate([joints, *inner]), joints, last)
     if not t.size:
         return ()
-    growth = _sides(t, curve, lambda s: _by_piece(s, [bend.growth for bend in bends]))
-    turn = _sides(t, curve, lambda s: _by_piece(s, [bend.turn for bend in bends]))
+    growth = _sides(t, last, closed, lambda s: _by_piece(s, [bend.growth for bend in bends]))
+    turn = _sides(t, last, closed, lambda s: _by_piece(s, [bend.turn for bend in bends]))
     result = []
     for k, place in enumerate(t.tolist()):
         value = _curvature_at(bends, place)
@@ -324,10 +341,14 @@ def pieces_of(curve: SeparableCurve | Composite) -> tuple[SeparableCurve, ...]:
     return curve.pieces if isinstance(curve, Composite) else (curve,)
 
 
+def _is_closed(curve: SeparableCurve | Composite) -> bool:
+    return isinstance(curve, Composite) and curve.closed
+
+
 class _Bend:
     """Functions of one piece whose zeros and signs tell how its curvature changes, free of units and of the speed."""
 
-    def __init__(self, piece: SeparableCurve) -> None:
+    def __init__(self, piece: Bending) -> None:
         self.piece = piece
         self.tiny = (1e-14 * float(norm(piece.derivative(SAMPLES)).max())) ** 2 + np.finfo(float).tiny
 
@@ -383,9 +404,9 @@ def _curvature_at(bends: list[_Bend], t: float) -> float:
     return math.nan if jump else after
 
 
-def _stations(t: Array, joints: Array, curve: SeparableCurve | Composite) -> Array:
+def _stations(t: Array, joints: Array, last: float) -> Array:
     """Ascending and apart, joints standing for what is near them; without the ends of an open curve."""
-    fixed = np.concatenate([joints, curve.domain])
+    fixed = np.concatenate([joints, [0.0, last]])
     inner = np.sort(t[np.abs(t[:, None] - fixed).min(axis=1) > _APART])
     return np.sort(np.concatenate([joints, inner[np.diff(inner, prepend=-1.0) > _APART]]))
 
@@ -399,11 +420,9 @@ def _by_piece(t: Array, functions: list[Callable[[Array], Array]]) -> Array:
     return result
 
 
-def _sides(t: Array, curve: SeparableCurve | Composite, sign: Callable[[Array], Array]) -> tuple[Array, Array]:
+def _sides(t: Array, last: float, closed: bool, sign: Callable[[Array], Array]) -> tuple[Array, Array]:
     """Signs half way to the station before and after each one, 0 beyond the ends of an open curve."""
-    first, last = curve.domain
-    closed = isinstance(curve, Composite) and curve.closed
-    edges = np.concatenate([[first], t, [last]])
+    edges = np.concatenate([[0.0], t, [last]])
     if closed and t.size:
         edges[0], edges[-1] = t[-1] - last, t[0] + last
     half = (edges[:-1] + edges[1:]) / 2
@@ -416,7 +435,7 @@ def _joined(t: Array, curve: SeparableCurve | Composite) -> Array:
     """Ascending parameters with one for each joint; the end of a closed chain is its start."""
     whole = np.round(t)
     t = np.where(np.abs(t - whole) <= _LEAST_PART, whole, t) if isinstance(curve, Composite) else t
-    if isinstance(curve, Composite) and curve.closed:
+    if _is_closed(curve):
         t = np.where(t == curve.domain[1], 0.0, t)
     return np.unique(t)
 

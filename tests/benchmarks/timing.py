@@ -7,17 +7,17 @@ import time
 from collections.abc import Callable
 
 
-def seconds(action: Callable[[], object]) -> float:
+def seconds(action: Callable[[], object], clock: Callable[[], float] = time.perf_counter) -> float:
     """How long one call takes."""
-    start = time.perf_counter()
+    start = clock()
     action()
-    return time.perf_counter() - start
+    return clock() - start
 
 
-def median(action: Callable[[], object], repeats: int = 9) -> float:
+def median(action: Callable[[], object], repeats: int = 9, clock: Callable[[], float] = time.perf_counter) -> float:
     """Median time of a call, in seconds, after one that does not count."""
     action()
-    return statistics.median(seconds(action) for _ in range(repeats))
+    return statistics.median(seconds(action, clock) for _ in range(repeats))
 
 
 def paired(first: Callable[[], object], second: Callable[[], object], repeats: int = 9) -> tuple[float, float, float]:
