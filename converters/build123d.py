@@ -6,6 +6,7 @@ All lengths are in mm. Objects are genuine ``Edge``, ``Wire``, ``Face``, ``Sketc
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Iterable, Sequence
 from typing import Any, Literal, TypedDict, TypeVar, Unpack
 
@@ -32,7 +33,6 @@ from gtcad.edge_check import EdgeReport
 from gtcad.errors import ExtraMissing, InputError
 from gtcad.model import Model
 from gtcad.patches import Coons, Lofted, Rotation, Ruled, Sweep, Swept, Swung
-from gtcad.patches.sweep import FrameKind
 from gtcad.protocol import SeparableCurve, SeparableSurface
 from gtcad.quilt import Quilt
 from gtcad.solid import Caps, Solid
@@ -46,6 +46,7 @@ except ImportError as error:
 
 Array = NDArray[np.float64]
 GeometricOrder = Literal["G0", "G1", "G2", "G3"]
+Frame = Literal["rotation-minimising", "frenet", "fixed"]
 Kind = TypeVar("Kind", bound="type[Any]")
 
 _SUBSHAPES = {"EDGE": "edges", "WIRE": "wires", "FACE": "faces", "SHELL": "shells", "SOLID": "solids"}
@@ -249,7 +250,8 @@ class GTConic(_EdgeObject):
         end_angle: float = 360.0,
         **options: Unpack[LineOptions],
     ) -> None:
-        super().__init__(Arc(*_points((center, axis_a, axis_b)), start_angle, end_angle), **options)
+        center, axis_a, axis_b = _points((center, axis_a, axis_b))
+        super().__init__(Arc(center, axis_a, axis_b, start_angle, end_angle), **options)
 
 
 class GTParabola(_EdgeObject):
@@ -265,7 +267,8 @@ class GTHyperbola(_EdgeObject):
     def __init__(
         self, center: Any, axis_a: Any, axis_b: Any, start: float, end: float, **options: Unpack[LineOptions]
     ) -> None:
-        super().__init__(hyperbola(*_points((center, axis_a, axis_b)), start, end), **options)
+        center, axis_a, axis_b = _points((center, axis_a, axis_b))
+        super().__init__(hyperbola(center, axis_a, axis_b, start, end), **options)
 
 
 class GTJoin(_EdgeObject):
@@ -530,7 +533,7 @@ class GTSweep(GTFace):
         profile: Any,
         spine: Any,
         *,
-        frame: FrameKind = "rotation-minimising",
+        frame: Frame = "rotation-minimising",
         start_normal: Any = None,
         scale: ArrayLike = 1.0,
         twist: float = 0.0,
@@ -812,7 +815,7 @@ def show(*objects: Any, tolerance: float = DEFAULT_TOLERANCE, **options: Any) ->
         When ocp_vscode is not installed.
     """
     try:
-        from ocp_vscode import show as viewer
+        viewer = importlib.import_module("ocp_vscode").show
     except ImportError as error:
         raise ExtraMissing("show needs the viewer: pip install ocp-vscode") from error
     core = SeparableCurve | SeparableSurface | Composite | Quilt | Solid

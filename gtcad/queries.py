@@ -186,7 +186,8 @@ def intersect_plane(curve: SeparableCurve | Composite, point: ArrayLike, normal:
             raise InputError(f"{_named(curve, start)} lies in the plane")
         met.append(start + roots(height, noise=noise))
     t = _joined(np.concatenate(met), curve)
-    before, after = _sides(t, curve.domain[1], _is_closed(curve), lambda s: np.sign((curve.evaluate(s) - base) @ across))
+    last = curve.domain[1]
+    before, after = _sides(t, last, _is_closed(curve), lambda s: np.sign((curve.evaluate(s) - base) @ across))
     points = curve.evaluate(t)
     return tuple(Crossing(float(t[k]), points[k], bool(before[k] * after[k] > 0)) for k in range(t.size))
 
