@@ -568,7 +568,7 @@ def _patch(name: str, given: SurfaceLike) -> SeparableSurface:
 def _at_points(make: Callable[P, Any]) -> Callable[Concatenate[W, P], W]:
     """The method that makes a shape in the plane's coordinates, and puts one at each point of the stack."""
 
-    def method(self: W, *args: P.args, **kwargs: P.kwargs) -> W:
+    def method(self: W, /, *args: P.args, **kwargs: P.kwargs) -> W:
         return _placed(self, make(*args, **kwargs))
 
     signature = inspect.signature(make)
@@ -669,7 +669,7 @@ class Workplane(cq.Workplane):  # type: ignore[misc]
         combine, clean
             As of ``Workplane.box``. One solid that there is nothing to combine with stays as it is, with its fit.
         """
-        if len(self.objects) < 2 and self._findType((cq.Solid, cq.Compound), True, True) is None:
+        if len(self.objects) < 2 and self._findType((cq.Solid,), True, True) is None:
             combine = False
         return _placed(self, gtSolid(patches, caps, thickness, **settings), combine, clean and bool(combine))
 

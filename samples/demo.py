@@ -26,7 +26,7 @@ COLUMNS = "{:<18}{:>6}{:>7}{:>7}{:>21}{:>9}  {}"
 class Outcome:
     """What became of one model: the shapes as exported, the verdicts on what the file holds, and the seconds spent.
 
-    A chain has a verdict for each piece and for each joint.
+    A chain has a verdict for each piece and for each joint, a body one for itself, each patch and each shared edge.
     """
 
     shapes: list[dict[str, Any]]
@@ -71,9 +71,9 @@ def line(model: Path, outcome: Outcome) -> str:
 
 
 def poles_of(shape: dict[str, Any]) -> int:
-    """Those of a curve, of a net, or of all edges of a wire."""
+    """Those of a curve, of a net, or of all edges of a wire or patches of a body."""
     counts: list[int] = shape["poles"]
-    return sum(counts) if shape["entity"] == "wire" else math.prod(counts)
+    return sum(counts) if shape["entity"] in ("wire", "shell", "solid") else math.prod(counts)
 
 
 def rounded_up(value: float) -> str:

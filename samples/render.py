@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 
@@ -30,9 +31,12 @@ from numpy.typing import NDArray
 import gtcad
 from gtcad.composite import Composite
 from gtcad.converters import fit_curve
+from gtcad.differential import normal
 from gtcad.model import Model
 from gtcad.protocol import SeparableCurve, SeparableSurface, Shape
-from gtcad.restricted import RestrictedSurface
+from gtcad.quilt import SIDES, Quilt, Use
+from gtcad.restricted import Restricted, RestrictedSurface
+from gtcad.solid import Solid
 
 Array = NDArray[np.float64]
 
@@ -48,8 +52,14 @@ CLEAR = (0.0, 0.0, 0.0, 0.0)
 FACETS, ISOLINES, STROKE = 90_000, 8, 96
 LIFT, DOT = 0.005, 0.0009  # of the distance: strokes lie above the facets; size of a control point
 CIRCLE = np.array([[np.cos(a), np.sin(a)] for a in np.linspace(0.0, 2 * np.pi, 12, endpoint=False)])
+OPENED = {"bottle": 0.25, "vase": 0.25}  # the part of a turn that is cut out, to show the inside
 VIEWS = {  # azimuth and elevation of the eye in degrees
     "bonnet": (42.0, 26.0),
+    "bottle": (-45.0, 18.0),
+    "duct": (-62.0, 28.0),
+    "lamp-shade": (-60.0, 24.0),
+    "turbine-blade": (-78.0, 30.0),
+    "vase": (-45.0, 22.0),
     "duct-line": (-60.0, 24.0),
     "handle": (-62.0, 22.0),
     "pipe-elbow": (-128.0, 28.0),
@@ -97,17 +107,27 @@ class Scene:
     def add_surface(self, surface: SeparableSurface, color: str, cells: int) -> None:
         """Facets, isolines and borders of a surface."""
         t = np.linspace(0.0, 1.0, cells + 1)
-        grid = surface.evaluate(t[:, None], t[None, :])
-        corners = np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]], axis=2).reshape(-1, 4, 3)
-        places, depths = self.camera.project(corners)
-        shades = self._shades(corners, np.array(to_rgb(color)))
-        for outline, depth, shade in zip(places, depths.mean(axis=1), shades, strict=True):
-            self._add(outline, depth, (*shade, 1.0), (*shade, 1.0), 0.5)
+        self.add_facets(surface.evaluate(t[:, None], t[None, :]), color)
         for k, x in enumerate(np.linspace(0.0, 1.0, ISOLINES + 1)):
             border = k in (0, ISOLINES)
             s = np.linspace(0.0, 1.0, STROKE + 1)
             for line in (surface.evaluate(x, s), surface.evaluate(s, x)):
                 self.add_stroke(line, INK, *((1.1, 0.9) if border else (0.45, 0.35)))
+
+    def add_facets(self, grid: Array, color: str) -> None:
+        """Facets between the points of a grid."""
+        corners = np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]], axis=2).reshape(-1, 4, 3)
+        places, depths = self.camera.project(corners)
+        shades = self._shades(corners, np.array(to_rgb(color)))
+        for outline, depth, shade in zip(places, depths.mean(axis=1), shades, strict=True):
+            self._add(outline, depth, (*shade, 1.0), (*shade, 1.0), 0.5)
+
+    def add_polygon(self, points: Array, color: str) -> None:
+        """A plane face within a closed line, brighter than what surrounds it."""
+        places, depths = self.camera.project(points)
+        bright = 1 - 0.6 * (1 - np.array(to_rgb(color)))
+        self._add(places, depths.mean() + LIFT * self.camera.distance, (*bright, 1.0), CLEAR, 0)
+        self.add_stroke(np.concatenate([points, points[:1]]), INK, 1.1, 0.9)
 
     def add_stroke(self, points: Array, color: str, width: float, opacity: float = 1.0, lift: float = LIFT) -> None:
         """A line through points, lifted towards the eye by a part of the distance."""
@@ -158,11 +178,80 @@ class Scene:
         return np.asarray(np.clip(color * (0.36 + 0.56 * key + 0.2 * fill) + (lamps @ BRIGHTNESS)[:, None], 0, 1))
 
 
+def draw_body(scene: Scene, shape: Quilt | Solid, color: str, opened: float) -> None:
+    """Patches, the offset of a wall, rims and plane caps; without a part of the turn where it is opened."""
+    quilt = shape.quilt if isinstance(shape, Solid) else shape
+    kept = ((0.0, 1.0), (0.0, 1.0 - opened))
+    patches = [Restricted(patch, kept) if opened else patch for patch in quilt.patches]
+    thickness = shape.thickness if isinstance(shape, Solid) else None
+    cells = min(96, int(np.sqrt(FACETS / len(patches) / (1 if thickness is None else 2))))
+    t = np.linspace(0.0, 1.0, cells + 1)
+    for index, patch in enumerate(patches):
+        scene.add_surface(patch, color, cells)
+        if thickness is None:
+            continue
+        along = -thickness if quilt.flipped[index] else thickness
+        points = patch.evaluate(t[:, None], t[None, :])
+        other = points + along * normal(patch, t[:, None], t[None, :])
+        scene.add_facets(other, color)
+        for side in SIDES:
+            if Use(index, side) in quilt.free or (opened and side[0] == "v"):
+                rim = np.stack([side_of(points, side), side_of(other, side)])
+                scene.add_facets(rim, color)
+                for line in rim:
+                    scene.add_stroke(line, INK, 0.9, 0.9)
+    if isinstance(shape, Solid) and thickness is None:
+        add_sections(scene, quilt, patches, color, opened)
+
+
+def add_sections(scene: Scene, quilt: Quilt, patches: Sequence[SeparableSurface], color: str, opened: float) -> None:
+    """The plane faces of a full body: where it is cut open, or its caps."""
+    t = np.linspace(0.0, 1.0, STROKE + 1)
+    if opened:
+        for v in (0.0, 1.0):
+            scene.add_polygon(np.concatenate([patch.evaluate(t, v) for patch in patches]), color)
+        return
+    grids = [patch.evaluate(t[:, None], t[None, :]) for patch in patches]
+    middle = np.concatenate([grid.reshape(-1, 3) for grid in grids]).mean(axis=0)
+    for loop in loops([side_of(grids[use.patch], use.side) for use in quilt.free]):
+        outwards = np.linalg.svd(loop - loop.mean(axis=0))[2][2]
+        outwards *= np.sign(outwards @ (loop.mean(axis=0) - middle))
+        if outwards @ scene.camera.axes[2] > 0:
+            scene.add_polygon(loop, color)
+
+
+def side_of(grid: Array, side: str) -> Array:
+    """The points of a side of a grid."""
+    return np.asarray(np.take(grid, -int(side[1]), axis="uv".index(side[0])))
+
+
+def loops(lines: Sequence[Array]) -> Iterator[Array]:
+    """Closed lines of those that follow each other, whichever way they run."""
+    left = list(lines)
+    near = 1e-9 * max((float(np.abs(line).max()) for line in lines), default=0.0)
+    while left:
+        loop = left.pop()
+        while np.linalg.norm(loop[-1] - loop[0]) > near:
+            ends = [(k, line) for k, one in enumerate(left) for line in (one, one[::-1])]
+            k, following = min(ends, key=lambda pair: float(np.linalg.norm(pair[1][0] - loop[-1])))
+            loop = np.concatenate([loop, following])
+            left.pop(k)
+        yield loop
+
+
+def patches_of(shape: Shape | Quilt | Solid) -> tuple[Shape, ...]:
+    """The patches of a body, or the shape itself."""
+    quilt = shape.quilt if isinstance(shape, Solid) else shape
+    return quilt.patches if isinstance(quilt, Quilt) else (quilt,)
+
+
 def in_pieces(model: Model) -> Model:
-    """The model with the pieces of each chain in its place."""
-    shapes: dict[str, Shape] = {}
+    """The model with the pieces of each chain in its place, without shapes for construction."""
+    shapes: dict[str, Any] = {}
     colors = {}
     for name, shape in model.items():
+        if name in model.construction:
+            continue
         chained = isinstance(shape, Composite)
         found = {f"{name} #{k + 1}": piece for k, piece in enumerate(shape.pieces)} if chained else {name: shape}
         shapes |= found
@@ -176,17 +265,19 @@ def net_of(shape: Shape) -> Array:
     return np.pad(points, [(0, 0)] * (points.ndim - 1) + [(0, 3 - points.shape[-1])])
 
 
-def in_space(shape: Shape) -> Shape:
+def in_space(shape: Any) -> Any:
     return shape if shape.dimension == 3 else shape.transformed(np.eye(3, 2))
 
 
-def samples_of(shape: Shape) -> Array:
+def samples_of(shape: Any) -> Array:
+    if isinstance(shape, Quilt | Solid):
+        return np.concatenate([samples_of(patch) for patch in patches_of(shape)])
     t = np.linspace(0.0, 1.0, 101)
     points = shape.evaluate(t) if isinstance(shape, SeparableCurve) else shape.evaluate(t[:, None], t[None, :])
     return points.reshape(-1, points.shape[-1])
 
 
-def draw_space(axes: Axes, model: Model, view: tuple[float, float], *, net: bool = True) -> None:
+def draw_space(axes: Axes, model: Model, view: tuple[float, float], *, net: bool = True, opened: float = 0.0) -> None:
     shapes = {name: in_space(shape) for name, shape in model.items()}
     camera = Camera.around(np.concatenate([samples_of(shape) for shape in shapes.values()]), *view)
     scene = Scene(camera)
@@ -194,6 +285,9 @@ def draw_space(axes: Axes, model: Model, view: tuple[float, float], *, net: bool
     cells = min(128, int(np.sqrt(FACETS / len(shapes))))
     for name, shape in shapes.items():
         color = model.colors.get(name, DEFAULT_COLOR)
+        if isinstance(shape, Quilt | Solid):
+            draw_body(scene, shape, color, opened)
+            continue
         if isinstance(shape, SeparableSurface):
             scene.add_surface(shape, color, cells)
         else:
@@ -252,19 +346,24 @@ def is_plane(model: Model) -> bool:
 def title_of(name: str, model: Model) -> str:
     points = np.concatenate([samples_of(shape) for shape in in_pieces(model).values()])
     sides = " x ".join(f"{float(f'{side:.3g}'):g}" for side in points.max(axis=0) - points.min(axis=0))
-    kinds = Counter(
-        "chain" if isinstance(shape, Composite) else "curve" if isinstance(shape, SeparableCurve) else "surface"
-        for shape in model.values()
-    )
+    kinds = Counter(kind_of(shape) for name, shape in model.items() if name not in model.construction)
     counts = [f"{count} {kind}{'s' * (count > 1)}" for kind, count in kinds.items()]
     return f"{name.replace('-', ' ')}: {' and '.join(counts)}, {sides} {model.unit}"
+
+
+def kind_of(shape: Any) -> str:
+    if isinstance(shape, Solid):
+        return "solid"
+    if isinstance(shape, Quilt):
+        return f"quilt of {len(shape.patches)} patches"
+    return "chain" if isinstance(shape, Composite) else "curve" if isinstance(shape, SeparableCurve) else "surface"
 
 
 def draw_model(axes: Axes, name: str, model: Model) -> None:
     if is_plane(model):
         draw_plane(axes, in_pieces(model))
     else:
-        draw_space(axes, in_pieces(model), VIEWS.get(name, (-55.0, 25.0)))
+        draw_space(axes, in_pieces(model), VIEWS.get(name, (-55.0, 25.0)), opened=OPENED.get(name, 0.0))
     axes.set_title(title_of(name, model), fontsize=11, color=INK)
 
 
@@ -289,7 +388,7 @@ def render_overview(output: Path) -> Path:
     )
     draw_family(left)
     draw_space(middle, gtcad.load_model(SAMPLES / "bonnet.json"), VIEWS["bonnet"])
-    middle.set_title("surfaces: two patches of a bonnet", fontsize=11, color=INK)
+    middle.set_title("surfaces: a bonnet of six patches joined G2", fontsize=11, color=INK)
     draw_deviation(right)
     for axes in (left, middle):
         axes.set_anchor("N")
