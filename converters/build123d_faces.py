@@ -23,6 +23,7 @@ from gtcad.converters.build123d_lines import (
 )
 from gtcad.converters.fit import Degree
 from gtcad.converters.host_designs import (
+    DEFAULT_DEGREE,
     DEFAULT_TOLERANCE,
     patch_on_face,
 )
@@ -64,7 +65,7 @@ class GTProfile(GTObject, host.BaseSketchObject):  # type: ignore[misc]
         rotation: float = 0,
         align: host.Align | tuple[host.Align, host.Align] | None = None,
         tolerance: float = DEFAULT_TOLERANCE,
-        degree: Degree = 5,
+        degree: Degree = DEFAULT_DEGREE,
         mode: host.Mode = host.Mode.ADD,
         label: str = "",
         color: Any = None,
@@ -117,7 +118,7 @@ class GTFace(GTObject, host.Face, BaseObject):  # type: ignore[misc]
         patch: SeparableSurface,
         *,
         tolerance: float = DEFAULT_TOLERANCE,
-        degree: Degree = 5,
+        degree: Degree = DEFAULT_DEGREE,
         rotation: host.Rotation | tuple[float, float, float] = (0, 0, 0),
         align: Any = None,
         mode: host.Mode = host.Mode.ADD,
@@ -307,7 +308,7 @@ class GTSolid(GTObject, host.BasePartObject):  # type: ignore[misc]
         rotation: host.Rotation | tuple[float, float, float] = (0, 0, 0),
         align: Any = None,
         tolerance: float = DEFAULT_TOLERANCE,
-        degree: Degree = 5,
+        degree: Degree = DEFAULT_DEGREE,
         mode: host.Mode = host.Mode.ADD,
         label: str = "",
         color: Any = None,

@@ -12,7 +12,7 @@ from gtcad.composite import Composite
 from gtcad.conics import Arc, hyperbola, parabola
 from gtcad.continuity import Scale
 from gtcad.converters.fit import Degree
-from gtcad.converters.host_designs import DEFAULT_TOLERANCE, curve_on_edge
+from gtcad.converters.host_designs import DEFAULT_DEGREE, DEFAULT_TOLERANCE, curve_on_edge
 from gtcad.converters.hosts import AnyFit, Made, made_edge, made_wire
 from gtcad.curve import Curve
 from gtcad.errors import ExtraMissing, InputError
@@ -59,7 +59,7 @@ class LineOptions(TypedDict, total=False):
     tolerance
         Largest distance from the exact curve, in mm; 1e-3 unless given.
     degree
-        Of the B-spline, 3 to 25 or "auto"; 5 unless given.
+        Of the B-spline, 3 to 25, or "auto" unless given: what needs the fewest poles.
     mode
         ``Mode`` of the builder.
     label, color
@@ -164,7 +164,7 @@ class EdgeObject(GTObject, host.BaseEdgeObject):  # type: ignore[misc]
         curve: SeparableCurve | Composite,
         *,
         tolerance: float = DEFAULT_TOLERANCE,
-        degree: Degree = 5,
+        degree: Degree = DEFAULT_DEGREE,
         mode: host.Mode = host.Mode.ADD,
         label: str = "",
         color: Any = None,
@@ -334,7 +334,7 @@ class GTComposite(GTObject, host.BaseLineObject):  # type: ignore[misc]
         orders: Sequence[str] | None = None,
         closed: bool = False,
         tolerance: float = DEFAULT_TOLERANCE,
-        degree: Degree = 5,
+        degree: Degree = DEFAULT_DEGREE,
         mode: host.Mode = host.Mode.ADD,
         label: str = "",
         color: Any = None,

@@ -17,6 +17,7 @@ from gtcad.continuity import Scale, Thresholds, join_curve, parsed_order
 from gtcad.converters.bspline import BSplineSurface
 from gtcad.converters.chain import as_curve
 from gtcad.converters.design import Design, nearest_chain, nearest_gt
+from gtcad.converters.fit import Degree
 from gtcad.curve import Curve
 from gtcad.edge_check import EdgeReport, check_edge
 from gtcad.errors import InputError, ToleranceNotMet
@@ -28,6 +29,9 @@ Array = NDArray[np.float64]
 
 DEFAULT_TOLERANCE = 1e-3
 """mm: what a host's object keeps unless told otherwise."""
+
+DEFAULT_DEGREE: Degree = "auto"
+"""Of the splines: one span of a high degree where that needs the fewest poles. Kernels shell and fillet it best."""
 
 _EDGE_DEGREE, _CHAIN_DEGREE, _FACE_DEGREE = 8, 5, 16
 

@@ -13,8 +13,9 @@ import numpy as np
 from gtcad.composite import Composite
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
 from gtcad.converters.chain import ChainFit, fit_chain
-from gtcad.converters.fit import Fit, fit_curve, fit_surface
+from gtcad.converters.fit import Degree, Fit, fit_curve, fit_surface
 from gtcad.converters.host_designs import (
+    DEFAULT_DEGREE,
     DEFAULT_TOLERANCE,
     FaceDesign,
     FaceJoin,
@@ -36,6 +37,7 @@ from gtcad.quilt import Quilt
 from gtcad.solid import Solid
 
 __all__ = [
+    "DEFAULT_DEGREE",
     "DEFAULT_TOLERANCE",
     "AnalyticFit",
     "AnyFit",
@@ -183,7 +185,11 @@ def _as_quadric(surface: SeparableSurface, tolerance: float) -> AnalyticFit | No
 
 
 def made_edge(
-    curve: SeparableCurve | Composite, *, tolerance: float = DEFAULT_TOLERANCE, **settings: Any
+    curve: SeparableCurve | Composite,
+    *,
+    tolerance: float = DEFAULT_TOLERANCE,
+    degree: Degree = DEFAULT_DEGREE,
+    **settings: Any,
 ) -> Made[SeparableCurve | Composite]:
     """One edge: a line, an arc of an ellipse, or a B-spline.
 
@@ -191,7 +197,7 @@ def made_edge(
     ----------
     curve
         In mm; a plane one lies at z = 0. A chain must be one edge: an arc, or pieces joined C1 to C3.
-    tolerance, settings
+    tolerance, degree, settings
         As of ``choose_geometry``.
 
     Raises
@@ -204,7 +210,7 @@ def made_edge(
     from gtcad.converters.occt.topology import make_edge
 
     _check_kind(curve, "curve", SeparableCurve, Composite)
-    geometry, fit = choose_geometry(curve, tolerance=tolerance, **settings)
+    geometry, fit = choose_geometry(curve, tolerance=tolerance, degree=degree, **settings)
     if isinstance(geometry, Wire):
         raise InputError(f"this chain has {len(geometry.edges)} edges, not one: make a wire of it")
     assert isinstance(geometry, BSplineCurve | EllipseArc)
@@ -212,7 +218,11 @@ def made_edge(
 
 
 def made_wire(
-    curve: SeparableCurve | Composite, *, tolerance: float = DEFAULT_TOLERANCE, **settings: Any
+    curve: SeparableCurve | Composite,
+    *,
+    tolerance: float = DEFAULT_TOLERANCE,
+    degree: Degree = DEFAULT_DEGREE,
+    **settings: Any,
 ) -> Made[SeparableCurve | Composite]:
     """The wire of a chain, its edges sharing their vertices; or of one curve.
 
@@ -222,13 +232,17 @@ def made_wire(
         As ``made_edge``.
     """
     _check_kind(curve, "curve", SeparableCurve, Composite)
-    geometry, fit = choose_geometry(curve, tolerance=tolerance, **settings)
+    geometry, fit = choose_geometry(curve, tolerance=tolerance, degree=degree, **settings)
     assert isinstance(geometry, Wire | BSplineCurve | EllipseArc)
     return Made(_wire(geometry if isinstance(geometry, Wire) else Wire((geometry,))), curve, fit, fit.deviation)
 
 
 def made_face(
-    surface: SeparableSurface, *, tolerance: float = DEFAULT_TOLERANCE, **settings: Any
+    surface: SeparableSurface,
+    *,
+    tolerance: float = DEFAULT_TOLERANCE,
+    degree: Degree = DEFAULT_DEGREE,
+    **settings: Any,
 ) -> Made[SeparableSurface]:
     """One face: of a plane, cylinder, cone, sphere, torus or B-spline surface, with the patch's normal.
 
@@ -236,7 +250,7 @@ def made_face(
     ----------
     surface
         In mm; a patch in the plane, d = 2, becomes a face of the plane z = 0 with its normal upwards.
-    tolerance, settings
+    tolerance, degree, settings
         As of ``choose_geometry``.
 
     Raises
@@ -248,7 +262,7 @@ def made_face(
     from gtcad.converters.occt.topology import make_face
 
     _check_kind(surface, "surface", SeparableSurface)
-    geometry, fit = choose_geometry(surface, tolerance=tolerance, **settings)
+    geometry, fit = choose_geometry(surface, tolerance=tolerance, degree=degree, **settings)
     if isinstance(geometry, Quadric):
         shape = make_quadric_face(geometry)
     else:
@@ -257,7 +271,13 @@ def made_face(
     return Made(shape, surface, fit, fit.deviation)
 
 
-def made_shell(quilt: Quilt, *, tolerance: float = DEFAULT_TOLERANCE, **settings: Any) -> Made[Quilt]:
+def made_shell(
+    quilt: Quilt,
+    *,
+    tolerance: float = DEFAULT_TOLERANCE,
+    degree: Degree = DEFAULT_DEGREE,
+    **settings: Any,
+) -> Made[Quilt]:
     """The shell of a quilt, its faces sharing their edges: one for each patch, in order.
 
     Raises
@@ -268,11 +288,17 @@ def made_shell(quilt: Quilt, *, tolerance: float = DEFAULT_TOLERANCE, **settings
     from gtcad.converters.occt.shells import make_shell
 
     _check_kind(quilt, "quilt", Quilt)
-    fit = fitted_quilt(quilt, tolerance=tolerance, **settings)
+    fit = fitted_quilt(quilt, tolerance=tolerance, degree=degree, **settings)
     return Made(make_shell(fit.splines, quilt.edges, quilt.flipped).shape, quilt, fit, fit.deviation)
 
 
-def made_solid(solid: Solid | Quilt, *, tolerance: float = DEFAULT_TOLERANCE, **settings: Any) -> Made[Solid]:
+def made_solid(
+    solid: Solid | Quilt,
+    *,
+    tolerance: float = DEFAULT_TOLERANCE,
+    degree: Degree = DEFAULT_DEGREE,
+    **settings: Any,
+) -> Made[Solid]:
     """The solid inside a closed or capped quilt, or the wall along it; a `Quilt` is taken for what it encloses.
 
     Raises
@@ -282,7 +308,7 @@ def made_solid(solid: Solid | Quilt, *, tolerance: float = DEFAULT_TOLERANCE, **
     """
     _check_kind(solid, "solid", Solid, Quilt)
     meant = Solid(solid) if isinstance(solid, Quilt) else solid
-    fit = fitted_quilt(meant.quilt, tolerance=tolerance, **settings)
+    fit = fitted_quilt(meant.quilt, tolerance=tolerance, degree=degree, **settings)
     if meant.thickness is None:
         body = solid_of(fit, caps=meant.caps)
     else:

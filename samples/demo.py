@@ -53,7 +53,7 @@ def run(model: Path, file: Path) -> Outcome:
     code, exported = gtcad("export", str(model), "-o", str(file), "--tolerance", TOLERANCE)
     checked: dict[str, Any] = {}
     if code == 0:
-        code, checked = gtcad("check", str(file), "--against", str(model), "--tolerance", TOLERANCE, "--require-proof")
+        code, checked = gtcad("check", str(file), "--against", str(model), "--tolerance", TOLERANCE)
     seconds = time.perf_counter() - start
     return Outcome(exported.get("shapes", []), checked.get("shapes", []), checked.get("joints", []), code != 0, seconds)
 
@@ -99,7 +99,7 @@ def main() -> None:
         failed += [model.name] * outcome.failed
     if failed:
         sys.exit(f"\nfailed: {', '.join(failed)}")
-    print(f"\nthe STEP files are in {given.output}; every deviation is proved, rounding included")
+    print(f"\nthe STEP files are in {given.output}; deviations are proved, rounding included, unless called estimated")
 
 
 if __name__ == "__main__":

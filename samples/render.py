@@ -1,7 +1,8 @@
 """Pictures of model files: shaded surfaces with isolines and control nets, curves with their control polygons.
 
 ``python samples/render.py --output build/pictures`` renders every sample and the picture of the README;
-``python samples/render.py --output docs/images overview`` renders only the latter, which is kept in the repository.
+``python samples/render.py --output docs/images overview`` renders only the latter, which is kept in the repository,
+as is ``patches``, the picture of docs/patches.md.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
+from PIL import Image
 
 import gtcad
 from gtcad.composite import Composite
@@ -42,6 +44,8 @@ Array = NDArray[np.float64]
 
 SAMPLES = Path(__file__).parent
 OVERVIEW = "overview"  # the picture of the README
+BODIES = "patches"  # that of docs/patches.md
+BODY_SAMPLES = ("vase", "lamp-shade", "duct", "turbine-blade", "bottle", "bonnet")
 DEFAULT_COLOR = "#8fa8c8"
 INK, NET, PAPER = "#20242c", "#5b6472", "#ffffff"
 LIGHT = np.array([-0.45, 0.75, 0.65])  # right, up and towards the viewer
@@ -208,8 +212,10 @@ def add_sections(scene: Scene, quilt: Quilt, patches: Sequence[SeparableSurface]
     """The plane faces of a full body: where it is cut open, or its caps."""
     t = np.linspace(0.0, 1.0, STROKE + 1)
     if opened:
+        whole = [quilt.patches[use.patch].evaluate(t[:, None], t[None, :-1]) for use in quilt.free]
+        centres = [side_of(grid, use.side).mean(axis=0) for grid, use in zip(whole, quilt.free, strict=True)]
         for v in (0.0, 1.0):
-            scene.add_polygon(np.concatenate([patch.evaluate(t, v) for patch in patches]), color)
+            scene.add_polygon(np.concatenate([*(patch.evaluate(t, v) for patch in patches), centres]), color)
         return
     grids = [patch.evaluate(t[:, None], t[None, :]) for patch in patches]
     middle = np.concatenate([grid.reshape(-1, 3) for grid in grids]).mean(axis=0)
@@ -381,6 +387,22 @@ def saved(figure: Figure, path: Path) -> Path:
     return path
 
 
+def render_bodies(output: Path) -> Path:
+    """The samples that are quilts and solids, small, for the page of patches."""
+    figure, places = plt.subplots(2, 3, figsize=(10.5, 7), layout="constrained")
+    for axes, name in zip(places.flat, BODY_SAMPLES, strict=True):
+        [path] = models([name])
+        draw_model(axes, name, gtcad.load_model(path))
+    path = output / f"{BODIES}.png"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=100, facecolor=PAPER)
+    plt.close(figure)
+    with Image.open(path) as picture:
+        small = picture.convert("RGB").quantize(64)
+    small.save(path, optimize=True)
+    return path
+
+
 def render_overview(output: Path) -> Path:
     """What gtcad is about, in three pictures: the curves of one polygon, a surface, and a proved deviation."""
     figure, (left, middle, right) = plt.subplots(
@@ -448,14 +470,16 @@ def models(names: Iterable[str]) -> list[Path]:
 def main() -> None:
     parser = argparse.ArgumentParser(description="Render model files to PNG.")
     parser.add_argument("--output", type=Path, required=True, help="the folder for the pictures")
-    parser.add_argument("models", nargs="*", metavar="MODEL", help="a model file, the name of a sample, or overview")
+    parser.add_argument("models", nargs="*", metavar="MODEL", help="a model file, the name of a sample, overview or patches")
     given = parser.parse_args()
-    names = [name for name in given.models if name != OVERVIEW]
+    pictures = {OVERVIEW: render_overview, BODIES: render_bodies}
+    names = [name for name in given.models if name not in pictures]
     if names or not given.models:
         for path in models(names):
             print(render_model(path, given.output))
-    if OVERVIEW in given.models or not given.models:
-        print(render_overview(given.output))
+    for name, render in pictures.items():
+        if name in given.models or not given.models:
+            print(render(given.output))
 
 
 if __name__ == "__main__":

@@ -122,9 +122,7 @@ def test_bad_arguments_are_refused() -> None:
     whole, tube = quilt([bodies.sphere()]), quilt([bodies.cylinder()])
     with pytest.raises(InputError, match='caps must be "none" or "planar", got \'round\''):
         Solid(whole, "round")  # type: ignore[arg-type]
-    with pytest.raises(
-        InputError, match=r"closed, capped or thickened; these sides are free: patch 1\.u0, "
-    ):
+    with pytest.raises(InputError, match=r"closed, capped or thickened; these sides are free: patch 1\.u0, "):
         Solid(tube)
     for thickness in (0.0, math.nan, math.inf):
         with pytest.raises(InputError, match="thickness must be a finite number other than 0"):

@@ -1,4 +1,4 @@
-"""Bonnet of a car: a GT patch that the host thickens, with a flange joined G2 and a scoop cut by the host. Builder mode."""
+"""Bonnet of a car: a GT patch that the host thickens, a flange joined G2, a scoop cut by the host. Builder mode."""
 
 from build123d import Box, BuildPart, Locations, Mode, Rot, export_step, thicken
 

@@ -1,6 +1,6 @@
 """Bracket with a GT profile: a rib that swings from the wall plate to the shelf plate. Algebra mode."""
 
-from build123d import Axis, Box, Cylinder, GeomType, Plane, Pos, Rot, export_step, extrude, fillet
+from build123d import Box, Cylinder, GeomType, Plane, Pos, Rot, export_step, extrude, fillet
 
 from gtcad import BERNSTEIN, Curve
 from gtcad.converters.build123d import GTProfile

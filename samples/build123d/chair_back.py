@@ -2,8 +2,8 @@
 
 from build123d import Align, Box, BuildPart, GridLocations, Mode, export_step
 
-from gtcad.converters.build123d import GTSolid
 from gtcad import Surface
+from gtcad.converters.build123d import GTSolid
 
 THICKNESS = 8.0
 

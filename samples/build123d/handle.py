@@ -1,6 +1,6 @@
 """Drawer handle: a round bar along a GT spine, on two feet of the host, its edges rounded. Algebra mode."""
 
-from build123d import Axis, Cylinder, GeomType, Pos, export_step, fillet
+from build123d import Cylinder, Pos, export_step, fillet
 
 from gtcad import Curve
 from gtcad.conics import circle

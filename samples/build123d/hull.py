@@ -1,6 +1,6 @@
-"""Hull of a model boat: GT sections lofted on both sides, a plane transom and deck, a well of the host. Algebra mode."""
+"""Hull of a model boat: GT sections lofted on both sides, plane transom and deck, a well of the host. Algebra mode."""
 
-from build123d import Align, Box, Cylinder, Pos, Rot, export_step
+from build123d import Box, Cylinder, Pos, Rot, export_step
 
 from gtcad import Curve
 from gtcad.converters.build123d import GTLofted, GTRuled, GTSolid

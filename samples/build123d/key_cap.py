@@ -1,6 +1,6 @@
 """Key cap: ruled sides, a dished GT top, a pocket and a stem of the host. Builder mode."""
 
-from build123d import Align, Box, BuildPart, Cylinder, Locations, Mode, Pos, export_step, fillet
+from build123d import Align, Box, BuildPart, Cylinder, Mode, export_step, fillet
 
 from gtcad import BERNSTEIN, Curve, Surface
 from gtcad.converters.build123d import GTRuled, GTSolid
@@ -23,10 +23,9 @@ with BuildPart() as cap:
     outside = GTSolid(top, *sides, caps="planar", tolerance=1e-4, label="key cap")
     blank = cap.part
     Box(14, 14, 2 * 5.0, mode=Mode.SUBTRACT)
-    with Locations((0, 0, 0)):
-        Cylinder(2.75, 6, align=(Align.CENTER, Align.CENTER, Align.MIN))
-        Box(4.0, 1.2, 8, mode=Mode.SUBTRACT)
-        Box(1.2, 4.0, 8, mode=Mode.SUBTRACT)
+    Cylinder(2.75, 6, align=(Align.CENTER, Align.CENTER, Align.MIN))
+    Box(4.0, 1.2, 8, mode=Mode.SUBTRACT)
+    Box(1.2, 4.0, 8, mode=Mode.SUBTRACT)
     corners = [edge for edge in cap.edges() if (edge @ 0.5).Z > 1 and abs((edge @ 0).Z - (edge @ 1).Z) > 7]
     fillet(corners, radius=0.8)
 

@@ -1,7 +1,20 @@
 """Rocket nozzle: the GT contour of the throat, revolved by the host, with a flange and bolt holes. Builder mode."""
 
-from build123d import Axis, BuildLine, BuildPart, BuildSketch, Hole, Line, Plane, PolarLocations, Polyline, chamfer
-from build123d import export_step, make_face, revolve
+from build123d import (
+    Axis,
+    BuildLine,
+    BuildPart,
+    BuildSketch,
+    Hole,
+    Line,
+    Plane,
+    PolarLocations,
+    Polyline,
+    chamfer,
+    export_step,
+    make_face,
+    revolve,
+)
 
 from gtcad.converters.build123d import GTBezier, GTJoin
 

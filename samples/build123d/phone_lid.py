@@ -1,7 +1,23 @@
 """Lid of a phone case: an outline of curvature-continuous corners, extruded, rounded, hollowed. Builder mode."""
 
-from build123d import Axis, BuildLine, BuildPart, BuildSketch, Line, Locations, Mode, Plane, SlotOverall
-from build123d import export_step, extrude, fillet, make_face, mirror, offset
+from build123d import (
+    Axis,
+    BuildLine,
+    BuildPart,
+    BuildSketch,
+    Kind,
+    Line,
+    Locations,
+    Mode,
+    Plane,
+    SlotOverall,
+    export_step,
+    extrude,
+    fillet,
+    make_face,
+    mirror,
+    offset,
+)
 
 from gtcad.converters.build123d import GTBezier
 
@@ -29,8 +45,8 @@ with BuildPart() as lid:
     blank = lid.part
     fillet(lid.faces().sort_by(Axis.Z)[0].edges(), radius=2.0)
     rounded = lid.part
-    offset(amount=-WALL, openings=lid.faces().sort_by(Axis.Z)[-1])
-    with BuildSketch() as camera:
+    offset(amount=-WALL, openings=lid.faces().sort_by(Axis.Z)[-1], kind=Kind.INTERSECTION)
+    with BuildSketch() as camera:  # noqa: SIM117 - one context a line reads better
         with Locations((-LENGTH / 2 + 22, WIDTH / 2 - 20)):
             SlotOverall(30, 18)
     extrude(amount=2 * WALL, mode=Mode.SUBTRACT)
