@@ -33,6 +33,7 @@ DEFAULT_TOLERANCE = 1e-3
 DEFAULT_DEGREE: Degree = "auto"
 """Of the splines: one span of a high degree where that needs the fewest poles. Kernels shell and fillet it best."""
 
+_LEAST_PART = 1e-3
 _EDGE_DEGREE, _CHAIN_DEGREE, _FACE_DEGREE = 8, 5, 16
 
 
@@ -83,7 +84,7 @@ def core_of_edge(edge: Any, *, at: float = 1.0) -> HostCurve:
     edge
         An edge of build123d or CadQuery, or a TopoDS_Edge.
     at
-        In [0, 1], of the parameter of the edge's curve.
+        0, or in [0.001, 1] of the parameter of the edge's curve.
 
     Raises
     ------
@@ -95,8 +96,8 @@ def core_of_edge(edge: Any, *, at: float = 1.0) -> HostCurve:
     from gtcad.converters.occt.compat import kernel_guard, kernel_module
     from gtcad.converters.occt.pieces import edge_geometry
 
-    if not 0 <= at <= 1:
-        raise InputError(f"at must lie in [0, 1], got {at!r}")
+    if not (at == 0 or _LEAST_PART <= at <= 1):
+        raise InputError(f"at must be 0, or lie in [{_LEAST_PART}, 1], got {at!r}")
     shape = _topology(edge, "EDGE")
     with kernel_guard("the curve of an edge"):
         curve = as_curve(edge_geometry(shape)[0])

@@ -258,13 +258,14 @@ def made_face(
     InputError, ToleranceBelowPrecision, ToleranceNotMet, KernelError
         As ``made_edge``.
     """
+    from gtcad.converters.occt.compat import as_face
     from gtcad.converters.occt.quadrics import make_quadric_face
     from gtcad.converters.occt.topology import make_face
 
     _check_kind(surface, "surface", SeparableSurface)
     geometry, fit = choose_geometry(surface, tolerance=tolerance, degree=degree, **settings)
     if isinstance(geometry, Quadric):
-        shape = make_quadric_face(geometry)
+        shape = as_face(make_quadric_face(geometry))
     else:
         assert isinstance(geometry, BSplineSurface)
         shape = _plane_face(geometry) if geometry.dimension == 2 else make_face(geometry)

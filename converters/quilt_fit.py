@@ -39,7 +39,7 @@ _SHARE = 0.7  # of the tolerance for each direction at first: the errors of both
 _TAIL = 1e-3  # of the tolerance may go into the tails of series
 _WORST = 24  # samples of one direction that stand for all when it is combined with the other one
 _SPANS_OF_A_FAILURE = 64
-_BITS = 2.0**20  # knots are multiples of its inverse: 1 - t is exact, and no two knots of neighbours nearly meet
+_BITS = 2.0**50  # knots are multiples of its inverse: 1 - t is exact, so that a strip is one either way
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,6 +36,7 @@ _MOST_SPANS = 256
 _SHARE = 0.4  # of the tolerance for each direction
 _FINAL = 0.8  # of the tolerance for the samples: between them the deviation is a little larger
 _ROWS = 13  # samples of one direction that stand for all when the other one is divided
+_SAME_KNOT = 1e-8  # knots so near are one: the kernel wants them apart, and the curve does not feel it
 _CELLS = (1, 2, 4, 8, 16)  # divisions of the unit square, each way, of quadrature
 _SETTLED = 1e-12  # relative
 
@@ -283,7 +284,8 @@ def _ruled(a: BSplineCurve, b: BSplineCurve) -> BSplineSurface:
     degree = max(a.degree, b.degree)
     smooth: dict[float, int] = {}
     for curve in (a, b):
-        for knot, multiplicity in zip(curve.knots.tolist(), curve.multiplicities, strict=True):
+        for own, multiplicity in zip(curve.knots.tolist(), curve.multiplicities, strict=True):
+            knot = next((known for known in smooth if abs(known - own) <= _SAME_KNOT), own)
             smooth[knot] = min(smooth.get(knot, degree), curve.degree - multiplicity)
     knots = np.array(sorted(smooth))
     multiplicities = [degree + 1, *(degree - smooth[knot] for knot in knots[1:-1].tolist()), degree + 1]

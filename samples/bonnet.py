@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
 from pathlib import Path
 
@@ -45,12 +46,12 @@ def patch(lengths: tuple[float, float], widths: tuple[float, float]) -> gtcad.Su
 def speeds(marks: tuple[float, ...]) -> list[tuple[float, float, float]]:
     """How much faster each strip runs than the one before."""
     steps = np.diff(marks)
-    return [(float(after / before), 0.0, 0.0) for before, after in zip(steps[:-1], steps[1:], strict=True)]
+    return [(float(after / before), 0.0, 0.0) for before, after in itertools.pairwise(steps)]
 
 
 def bonnet() -> Quilt:
     """The patches nearest to the drawn ones that join G2."""
-    pairs_u, pairs_v = (list(zip(marks[:-1], marks[1:], strict=True)) for marks in (LENGTHS, WIDTHS))
+    pairs_u, pairs_v = (list(itertools.pairwise(marks)) for marks in (LENGTHS, WIDTHS))
     sheet = joined_sheet(
         [[patch(u, v) for v in pairs_v] for u in pairs_u],
         ["G2"] * (len(pairs_u) - 1),

@@ -393,12 +393,13 @@ def render_bodies(output: Path) -> Path:
     for axes, name in zip(places.flat, BODY_SAMPLES, strict=True):
         [path] = models([name])
         draw_model(axes, name, gtcad.load_model(path))
+        axes.title.set_fontsize(8.5)
     path = output / f"{BODIES}.png"
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=100, facecolor=PAPER)
     plt.close(figure)
     with Image.open(path) as picture:
-        small = picture.convert("RGB").quantize(64)
+        small = picture.convert("RGB").quantize(192)
     small.save(path, optimize=True)
     return path
 
@@ -470,7 +471,9 @@ def models(names: Iterable[str]) -> list[Path]:
 def main() -> None:
     parser = argparse.ArgumentParser(description="Render model files to PNG.")
     parser.add_argument("--output", type=Path, required=True, help="the folder for the pictures")
-    parser.add_argument("models", nargs="*", metavar="MODEL", help="a model file, the name of a sample, overview or patches")
+    parser.add_argument(
+        "models", nargs="*", metavar="MODEL", help="a model file, the name of a sample, overview or patches"
+    )
     given = parser.parse_args()
     pictures = {OVERVIEW: render_overview, BODIES: render_bodies}
     names = [name for name in given.models if name not in pictures]

@@ -37,6 +37,10 @@ CIRCLE: dict[str, Any] = {"name": "ring", "kind": "circle", "center": [0, 0, 5],
 ELLIPSE: dict[str, Any] = {"name": "oval", "kind": "ellipse", "center": [0, 0], "axis_a": [3, 0], "axis_b": [0, 1]}
 ARC: dict[str, Any] = {"name": "bow", "kind": "arc", "center": [0, 0], "radius": 12, "angles": [0, 90]}
 PARABOLA: dict[str, Any] = {"name": "vault", "kind": "parabola", "control_points": [[0, 0], [1, 2], [2, 0]]}
+SPACE: dict[str, Any] = {"control_points": [[30, 0, 0], [45, 0, 30], [25, 0, 90]]}
+TUBE: dict[str, Any] = {"name": "tube", "kind": "rotation", "profile": SPACE}
+POT: dict[str, Any] = {"name": "pot", "kind": "solid", "caps": "planar", "patches": ["tube"]}
+SKIN: dict[str, Any] = {"name": "skin", "kind": "quilt", "patches": ["tube"]}
 NEXT_PART = {"range": [0, 0.5], "control_points": NEXT["control_points"]}
 NEXT_FREE = {"gamma": [-1, 0], "control_points": [[2, 0], [3, 1], [4, 0]]}
 EXPORT = ["export", "model.json", "-o", "out.step", "--tolerance", "1e-4"]
@@ -206,6 +210,52 @@ GROUPS: dict[str, list[Case]] = {
         wrong_model("a parabola of three points on a line", PARABOLA | {"control_points": [[0, 0], [1, 1], [2, 2]]}),
         wrong_model("a parabola of four points", PARABOLA | {"control_points": [[0, 0], [1, 2], [2, 2], [3, 0]]}),
     ],
+    "Model files: patches": [
+        wrong_model("a profile that the file does not have", TUBE | {"profile": "tubbe"}),
+        wrong_model("a surface as the profile", SURFACE, TUBE | {"profile": "roof"}),
+        wrong_model("no profile", {"name": "tube", "kind": "rotation"}),
+        wrong_model("no turn", TUBE | {"angle": 0}),
+        wrong_model("more than a whole turn", TUBE | {"angle": 400}),
+        wrong_model("an axis without direction", TUBE | {"axis_direction": [0, 0, 0]}),
+        wrong_model("a placement of two rows", TUBE | {"placement": [[1, 0, 0, 0], [0, 1, 0, 0]]}),
+        wrong_model(
+            "a swung profile that is not plane",
+            {"name": "s", "kind": "swung", "trajectory": {"control_points": [[1, 0], [1, 1], [0, 1]]}}
+            | {"profile": {"control_points": [[1, 0, 0], [1, 1, 1], [1, 0, 2]]}},
+        ),
+        wrong_model("a cone without an apex", {"name": "c", "kind": "cone", "curve": SPACE}),
+        wrong_model("two sections of a GT loft", {"name": "l", "kind": "lofted", "sections": [SPACE, SPACE]}),
+        wrong_model(
+            "an unknown frame of a sweep",
+            {"name": "s", "kind": "sweep", "profile": SPACE, "spine": SPACE, "frame": "bishop"},
+        ),
+        wrong_model(
+            "boundaries of a Coons patch that do not meet",
+            {"name": "c", "kind": "coons"} | dict.fromkeys(("c0", "c1", "d0", "d1"), SPACE),
+        ),
+    ],
+    "Model files: quilts and solids": [
+        wrong_model("a patch that the file does not have", TUBE, POT | {"patches": ["tub"]}),
+        wrong_model("a curve as a patch", CURVE, POT | {"patches": ["arch"]}),
+        wrong_model("no patches", POT | {"patches": []}),
+        wrong_model("a patch twice", TUBE, SKIN | {"patches": ["tube", "tube"]}),
+        wrong_model("an unknown order across edges", TUBE, SKIN | {"order": "G4"}),
+        wrong_model("an open quilt as a solid", TUBE, POT | {"caps": "none"}),
+        wrong_model("unknown caps", TUBE, POT | {"caps": "round"}),
+        wrong_model("a wall of no thickness", TUBE, POT | {"thickness": 0}),
+        wrong_model(
+            "an edge of sides that are apart",
+            TUBE,
+            SKIN | {"edges": [{"first": "tube.u0", "second": "tube.u1"}]},
+        ),
+        wrong_model(
+            "an edge of a patch that there is not",
+            TUBE,
+            SKIN | {"edges": [{"first": "tube.u0", "second": "lid.u1"}]},
+        ),
+        wrong_model("a side that there is not", TUBE, SKIN | {"edges": [{"first": "tube.u2", "second": "tube.u1"}]}),
+        wrong_model("a wall that folds", TUBE, POT | {"caps": "none", "thickness": 60}),
+    ],
     "Files": [
         Case("a model that is not there", EXPORT, 3),
         Case("a folder as the model", EXPORT, 3, {"model.json/inside": b""}),
@@ -320,7 +370,7 @@ def test_no_case_is_listed_twice() -> None:
 
 def test_the_models_that_the_cases_change_are_good(tmp_path: Path) -> None:
     path = tmp_path / "model.json"
-    good = (CURVE, SURFACE, NEXT, CHAIN, CIRCLE, ELLIPSE, ARC, PARABOLA)
+    good = (CURVE, SURFACE, NEXT, CHAIN, CIRCLE, ELLIPSE, ARC, PARABOLA, TUBE, POT, SKIN)
     path.write_bytes(model(*good)["model.json"])
     assert list(gtcad.load_model(path)) == [shape["name"] for shape in good]
     (tmp_path / "model.toml").write_bytes(TOML)

@@ -71,7 +71,7 @@ def outlines(path: Path) -> list[list[Any]]:
 
 
 def in_pieces(model: Model) -> list[tuple[str, Shape]]:
-    """Names and shapes, pieces and patches one by one: each has an edge under its chain's name, or a face of its own."""
+    """Names and shapes, pieces and patches one by one: an edge under the chain's name, or a face of its own."""
     found: list[tuple[str, Shape]] = []
     for name, shape in model.items():
         if name in model.construction:
@@ -334,7 +334,8 @@ def assert_proved(file: Path, model: Path, tolerance: float) -> None:
 
 
 ROW = re.compile(
-    r"\S+ +\d+ +\d+ +\d+ +(?P<deviation>\S+) +(?P<seconds>\S+)  (?P<proved>\d+) proved(, (?P<estimated>1) estimated)?(, (?P<joints>\d+) joints kept)?"
+    r"\S+ +\d+ +\d+ +\d+ +(?P<deviation>\S+) +(?P<seconds>\S+)  (?P<proved>\d+) proved"
+    r"(, (?P<estimated>1) estimated)?(, (?P<joints>\d+) joints kept)?"
 )
 
 

@@ -12,6 +12,7 @@ foot = Curve([[0, 0, 4], [24, 0, 4], [34, 0, -8], [33, 0, 40]])
 body = join_curve(foot, 5, order="G2", scale=(2.2, 0.0, 0.0), rest=[[36, 0, 150], [12, 0, 130], [12, 0, 175]])
 
 with BuildPart() as bottle:
+    # the normals of a profile that runs upwards point to the axis: the wall grows outwards
     wall = GTSolid(
         GTRotation(foot, mode=Mode.PRIVATE), GTRotation(body, mode=Mode.PRIVATE), thickness=-WALL, label="bottle"
     )

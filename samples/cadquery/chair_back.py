@@ -7,7 +7,7 @@ from gtcad.converters.cadquery import gtSolid, gtSurface
 heights, depths, curls = (0, 110, 230, 330, 420), (0, 46, -30, 20, 55), (14, 26, 34, 30, 22)
 net = [
     [(w * 205, depth - abs(w) ** 2 * curl, z) for w in (-1, -0.4, 0.4, 1)]
-    for z, depth, curl in zip(heights, depths, curls)
+    for z, depth, curl in zip(heights, depths, curls, strict=True)
 ]
 seat = gtSurface(net, gammaU=(0.2, 0.2))
 body = gtSolid([seat], thickness=9.0)

@@ -18,7 +18,7 @@ def side(k: int, half: float, z: float, sag: float) -> Curve:
 
 foot = [side(k, BASE, 0, 0) for k in range(4)]
 rim = [side(k, TOP, HEIGHT, DISH) for k in range(4)]
-walls = [gtRuled(low, high) for low, high in zip(foot, rim)]
+walls = [gtRuled(low, high) for low, high in zip(foot, rim, strict=True)]
 body = gtSolid([*walls, gtCoons(rim)], caps="planar")
 
 core = cq.Workplane().rect(2 * BASE - 3, 2 * BASE - 3).workplane(offset=HEIGHT - 3.5).rect(9, 9).loft()

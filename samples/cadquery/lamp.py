@@ -3,7 +3,6 @@
 import cadquery as cq
 
 from gtcad import Curve
-from gtcad.conics import circle
 from gtcad.converters.cadquery import gtRotation, gtSolid, gtSwung
 
 profile = Curve([(70, 150), (95, 190), (38, 215), (36, 250)])

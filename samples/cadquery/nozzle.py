@@ -11,7 +11,7 @@ channel = gtRotation(INNER)
 outside = gtRotation([(x + WALL, 0, z) for x, _, z in INNER])
 body = gtSolid([outside], caps="planar").cut(gtSolid([channel], caps="planar"))
 flange = cq.Workplane().circle(36).circle(20.5).extrude(5).faces(">Z").workplane().polarArray(30, 0, 360, 6).hole(4)
-result = cq.Workplane(body).union(flange).faces(">Z").edges().chamfer(0.5)
+result = cq.Workplane(body).union(flange).faces(">Z").edges().fillet(0.5)
 
 if __name__ == "__main__":
     print(f"nozzle: {result.val().Volume():.1f} mm^3")

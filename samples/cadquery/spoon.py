@@ -4,11 +4,9 @@ import cadquery as cq
 
 from gtcad.converters.cadquery import gtCurve, gtSolid, gtSurface
 
-outer = [(-32, 0), (-20, 21), (14, 23), (30, 5)]
-net = [
-    [(x, y * s, -z * d) for s, z in ((-1, 0), (-0.6, 1), (0.6, 1), (1, 0))] for (x, y), d in zip(outer, (0, 15, 17, 2))
-]
-net[0] = [(-32, w, 0) for w in (-2, -0.7, 0.7, 2)]
+outer = [((-20, 21), 15), ((14, 23), 17), ((30, 5), 2)]
+net = [[(x, y * s, -z * deep) for s, z in ((-1, 0), (-0.6, 1), (0.6, 1), (1, 0))] for (x, y), deep in outer]
+net.insert(0, [(-32, y, 0) for y in (-2, -0.7, 0.7, 2)])
 bowl = gtSurface(net)
 body = gtSolid([bowl], thickness=1.2)
 
