@@ -233,7 +233,7 @@ def test_results_come_back_from_step(name: str, tmp_path: Path) -> None:
     made.export(str(path))
     read = cq.importers.importStep(str(path))
     before, after = (measured(shape) for shape in (result(name), cq.Compound.makeCompound(read.vals())))
-    assert math.isclose(before, after, rel_tol=1e-6)  # the kernel finds the curves on trimmed faces anew
+    assert abs(after - before) <= 1e-5 * result(name).Area()  # mm: trimmed edges are found anew within their tolerance
     assert len(read.faces().vals()) == len(result(name).Faces())
     assert all(shape.isValid() for shape in read.solids().vals())
 
