@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
 
@@ -91,9 +91,9 @@ def check_parts(parts: Sequence[Part], shapes: Mapping[str, ModelShape], toleran
 def _matched(parts: Sequence[Part], shapes: Mapping[str, ModelShape]) -> dict[str, list[Part]]:
     """By name first; a name that several parts bear is all a chain's, and else the first one's."""
     matches: dict[str, list[Part]] = {}
-    bodies = [name for name, shape in shapes.items() if isinstance(shape, Quilt | Solid)]
+    owners = _owners(shapes)
     for part in parts:
-        name = part.name if part.name in shapes else next((b for b in bodies if part.name.startswith(f"{b}.")), "")
+        name = part.name if part.name in shapes else owners(part.name)
         if name and (name not in matches or isinstance(shapes[name], Composite | Quilt | Solid)):
             matches.setdefault(name, []).append(part)
     claimed = {id(part) for found in matches.values() for part in found}
@@ -106,6 +106,22 @@ def _matched(parts: Sequence[Part], shapes: Mapping[str, ModelShape]) -> dict[st
                 count = _edge_count(left, shape) if isinstance(shape, Composite) else count
                 matches[name], left = left[:count], left[count:]
     return matches
+
+
+def _owners(shapes: Mapping[str, ModelShape]) -> Callable[[str], str]:
+    """From the name of a face to the body that it belongs to: by its patches, or else the longest name before a dot."""
+    bodies = {
+        name: shape.quilt if isinstance(shape, Solid) else shape
+        for name, shape in shapes.items()
+        if isinstance(shape, Quilt | Solid)
+    }
+    patches = {f"{name}.{patch}": name for name, quilt in bodies.items() for patch in quilt.names}
+    longest = sorted(bodies, key=len, reverse=True)
+
+    def owner(face: str) -> str:
+        return patches.get(face) or next((name for name in longest if face.startswith(f"{name}.")), "")
+
+    return owner
 
 
 def _face_count(parts: Sequence[Part]) -> int:

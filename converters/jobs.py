@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import takewhile
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from gtcad._entries import ModelShape
 from gtcad.composite import Composite
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
-from gtcad.converters.part import Built, EllipseArc, Geometry, Part, Single, Wire
+from gtcad.converters.part import BodyFacts, Built, EllipseArc, Geometry, Part, Single, Wire
 from gtcad.converters.quadrics import Quadric, extremes
 from gtcad.errors import InputError, ModelError, ToleranceBelowPrecision, ToleranceNotMet
 from gtcad.model import Model
@@ -341,6 +342,32 @@ def describe_parts(parts: Sequence[Part], form: str) -> dict[str, Any]:
         "box": _box(points),
         "box_of": "control points",
         "shapes": [_part_data(part) for part in parts],
+        "bodies": _bodies_data(parts),
+    }
+
+
+def _bodies_data(parts: Sequence[Part]) -> list[dict[str, Any]]:
+    """The shells and solids that the faces belong to, in order, called by what the names of their faces have alike."""
+    faces: dict[int, list[Part]] = {}
+    for part in parts:
+        if part.body is not None:
+            faces.setdefault(id(part.body), []).append(part)
+    return [_body_data(own[0].body, own) for own in faces.values() if own[0].body is not None]
+
+
+def _body_data(body: BodyFacts, faces: Sequence[Part]) -> dict[str, Any]:
+    names = [part.name for part in faces]
+    pairs = takewhile(lambda pair: pair[0] == pair[1], zip(min(names), max(names), strict=False))
+    common = "".join(letter for letter, _ in pairs)
+    alike = set(names) == {common}
+    solid = body.kind == "solid"
+    return {
+        "name": common if alike else common.rpartition(".")[0],
+        "kind": body.kind,
+        "faces": len(faces),
+        "closed": body.closed,
+        "valid": body.valid,
+        "volume": float(body.volume()) if solid else None,
     }
 
 

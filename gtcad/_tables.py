@@ -194,6 +194,15 @@ def part_row(shape: Mapping[str, Any]) -> list[str]:
     return [shape["name"], shape["entity"].lower(), *_columns(shape), ", ".join(remarks)]
 
 
+def body_row(body: Mapping[str, Any]) -> list[str]:
+    """Name, kind, faces, volume and remark of a shell or solid of an exchange file."""
+    kind = f"closed {body['kind']}" if body["closed"] and body["kind"] == "shell" else body["kind"]
+    remarks = ["not closed"] if body["kind"] == "solid" and not body["closed"] else []
+    remarks += [] if body["valid"] else ["invalid"]
+    volume = "" if body["volume"] is None else f"{body['volume']:.9g}"
+    return [body["name"], kind, str(body["faces"]), volume, ", ".join(remarks)]
+
+
 def _columns(shape: Mapping[str, Any]) -> list[str]:
     return [*_sizes(shape), shape["color"] or ""]
 

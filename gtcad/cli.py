@@ -352,6 +352,10 @@ def info(
         tables.print_table(
             ("name", "kind", "degree", "poles", "colour", "remark"), [row(shape) for shape in content["shapes"]]
         )
+    if content.get("bodies"):
+        tables.print_table(
+            ("name", "body", "faces", "volume, mm^3", "remark"), [tables.body_row(body) for body in content["bodies"]]
+        )
 
 
 @app.command(short_help="Print the JSON Schema of model files.")

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import difflib
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
@@ -42,6 +42,8 @@ from gtcad._files import written_whole
 from gtcad._kinds import ENTRIES, MILLIMETRES, VERSION, ModelFile, entry_of
 from gtcad._quilt_kinds import EdgeFields
 from gtcad.errors import InputError, ModelError, SingularJoin
+from gtcad.quilt import Quilt
+from gtcad.solid import Solid
 
 MAX_PROBLEMS = 50  # more lines than this help nobody
 
@@ -124,6 +126,8 @@ class Model(Mapping[str, ModelShape]):
             strangers = [name for name in names if name not in self.shapes]
             if strangers:
                 raise InputError(f"{argument} names a shape that the model does not have: {strangers[0]!r}")
+        for _, message in _face_name_problems(self.shapes, self.construction):
+            raise InputError(message)
         entries = [
             entry_of(name, shape, self.colors.get(name), construction=name in self.construction)
             for name, shape in self.items()
@@ -163,10 +167,12 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     except ValidationError as error:
         raise ModelError(str(path), _lines(data, problems + _translated(data, error))) from None
     shapes = _built(content.shape, problems)
+    construction = frozenset(entry.name for entry in content.shape if entry.construction)
+    places = {entry.name: index for index, entry in enumerate(content.shape)}
+    problems += [(("shape", places[name]), message) for name, message in _face_name_problems(shapes, construction)]
     if problems:
         raise ModelError(str(path), _lines(data, problems))
     colors = {entry.name: entry.color for entry in content.shape if entry.color is not None}
-    construction = frozenset(entry.name for entry in content.shape if entry.construction)
     return Model(shapes, content.unit, colors, construction)
 
 
@@ -256,6 +262,20 @@ def _name_problems(data: Mapping[str, Any]) -> Iterator[Problem]:
         name = shape.get("name") if isinstance(shape, dict) else None
         if isinstance(name, str) and first.setdefault(name, index) != index:
             yield ("shape", index, "name"), f"is already the name of shape no. {first[name] + 1}"
+
+
+def _face_name_problems(shapes: Mapping[str, ModelShape], construction: Collection[str]) -> Iterator[tuple[str, str]]:
+    """Bodies of which a face would have the name of another shape, or of another body's face, in files."""
+    meant = {name: shape for name, shape in shapes.items() if name not in construction}
+    owners = {name: f"shape {shown(name)}" for name in meant}
+    for name, shape in meant.items():
+        if isinstance(shape, Quilt | Solid):
+            for patch in (shape.quilt if isinstance(shape, Solid) else shape).names:
+                face = f"{name}.{patch}"
+                if face in owners:
+                    message = f"patch {shown(patch)} would be called {shown(face)} in files, as {owners[face]} is"
+                    yield name, message
+                owners.setdefault(face, f"patch {shown(patch)} of shape {shown(name)}")
 
 
 def _shapes(data: Mapping[str, Any]) -> Sequence[Any]:
