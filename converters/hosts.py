@@ -31,6 +31,7 @@ from gtcad.converters.part import EllipseArc, Wire
 from gtcad.converters.quadrics import Quadric
 from gtcad.converters.quilt_fit import QuiltFit, fit_quilt
 from gtcad.converters.solid import Body, solid_of, thicken
+from gtcad.curve import Curve
 from gtcad.errors import InputError
 from gtcad.protocol import SeparableCurve, SeparableSurface, Shape
 from gtcad.quilt import Quilt
@@ -233,8 +234,10 @@ def made_wire(
     """
     _check_kind(curve, "curve", SeparableCurve, Composite)
     geometry, fit = choose_geometry(curve, tolerance=tolerance, degree=degree, **settings)
-    assert isinstance(geometry, Wire | BSplineCurve | EllipseArc)
-    return Made(_wire(geometry if isinstance(geometry, Wire) else Wire((geometry,))), curve, fit, fit.deviation)
+    if isinstance(fit, ChainFit):
+        return Made(_wire(_with_lines(fit)), curve, fit, fit.deviation)
+    assert isinstance(geometry, BSplineCurve | EllipseArc)
+    return Made(_wire(Wire((geometry,))), curve, fit, fit.deviation)
 
 
 def made_face(
@@ -357,6 +360,18 @@ def _wire(wire: Wire) -> Any:
         builder.Add(result, _straightened(as_edge(edge), curve))
     result.Closed(first.Closed())
     return checked(result, "wire")
+
+
+def _with_lines(fit: ChainFit) -> Wire:
+    """The edges of a chain, those of straight pieces as lines: these are no farther off than the splines' ends."""
+    pieces = [fit.chain.pieces[run.start] if len(run) == 1 else None for run in fit.runs]
+    return Wire(tuple(map(_as_line, fit.edges, pieces)))
+
+
+def _as_line(edge: BSplineCurve | EllipseArc, piece: SeparableCurve | None) -> BSplineCurve | EllipseArc:
+    if isinstance(edge, BSplineCurve) and isinstance(piece, Curve) and piece.degree == 1:
+        return BSplineCurve(edge.control_points[[0, -1]], [0.0, 1.0], [2, 2], 1)
+    return edge
 
 
 def _plane_face(surface: BSplineSurface) -> Any:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 
 host = pytest.importorskip("build123d")
+from gtcad.converters.occt.faces import volume as accurate_volume  # noqa: E402 - needs the kernel
 
 Array = NDArray[np.float64]
 FOLDER = Path(__file__).parents[1] / "samples" / "build123d"
@@ -201,7 +202,9 @@ def test_bottle() -> None:
     assert made.volume == pytest.approx(expected, abs=band(made, made.area))
     torus = host.Pos(0, 0, 171) * host.Torus(13, 1.5)
     shared = (made & torus).volume
-    assert names["part"].volume == pytest.approx(made.volume + 2 * math.pi**2 * 13 * 1.5**2 - shared, rel=1e-5)
+    # the host's own volume of this trimmed wall is off by 12 mm^3: its integrals have no tolerance
+    volume = float(accurate_volume(names["part"].wrapped, rtol=1e-8))
+    assert volume == pytest.approx(made.made.body.volume + 2 * math.pi**2 * 13 * 1.5**2 - shared, rel=1e-5)
 
 
 def test_lamp() -> None:
