@@ -10,7 +10,6 @@ import inspect
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Concatenate, Literal, ParamSpec, TypeAlias, TypeVar, Unpack
 
-import cadquery as cq
 from numpy.typing import ArrayLike
 
 from gtcad.composite import Composite
@@ -33,6 +32,7 @@ from gtcad.converters.cadquery_functions import (
     gtSweep,
     gtSwept,
     gtSwung,
+    show,
 )
 from gtcad.converters.cadquery_shapes import (
     CurveLike,
@@ -43,6 +43,7 @@ from gtcad.converters.cadquery_shapes import (
     GtWire,
     Settings,
     SurfaceLike,
+    cq,
     curve_of,
 )
 from gtcad.errors import InputError
@@ -79,6 +80,7 @@ __all__ = [
     "gtSweep",
     "gtSwept",
     "gtSwung",
+    "show",
 ]
 
 

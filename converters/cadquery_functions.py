@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Literal, Unpack
+from typing import Any, Literal, Unpack
 
-import cadquery as cq
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -23,6 +24,7 @@ from gtcad.converters.cadquery_shapes import (
     PointLike,
     Settings,
     SurfaceLike,
+    cq,
     curve_of,
     in_one_space,
     point_of,
@@ -146,7 +148,8 @@ def gtCurveOn(
     """
     rest = [point_of(point) for point in points]
     curve = hosts.curve_on_edge(edge, rest, order=order, at=at, gamma=gamma, scale=scale)
-    return gtCurve(curve, **{"end_order": (parsed_order(order)[1], 0), **settings})
+    settings.setdefault("end_order", (parsed_order(order)[1], 0))
+    return gtCurve(curve, **settings)
 
 
 # --- faces ------------------------------------------------------------------------------------------------------------
@@ -299,7 +302,8 @@ def gtSurfaceOn(
     tolerance = settings.get("tolerance", hosts.DEFAULT_TOLERANCE)
     opposite = in_space(curve_of("curve", curve))
     join = hosts.patch_on_face(face, edge, opposite, order=order, reach=reach, tolerance=tolerance)
-    return gtSurface(join.surface, **{"end_order": ((parsed_order(order)[1], 0), (0, 0)), **settings})
+    settings.setdefault("end_order", ((parsed_order(order)[1], 0), (0, 0)))
+    return gtSurface(join.surface, **settings)
 
 
 # --- shells, solids, assemblies ---------------------------------------------------------------------------------------
@@ -351,3 +355,19 @@ def gtAssembly(model: Model | Mapping[str, Core], **settings: Unpack[Settings]) 
         color = cq.Color(*(channel / 255 for channel in bytes.fromhex(colors[name][1:]))) if name in colors else None
         assembly.add(gtShape(shape, **settings), name=name, color=color)
     return assembly
+
+
+def show(*objects: Any, **options: Any) -> Any:
+    """Show shapes in the viewer of ocp_vscode when it is installed, else in CadQuery's own window.
+
+    Parameters
+    ----------
+    objects
+        Anything the viewer takes, and shapes of gtcad.
+    options
+        Of the viewer's own ``show``.
+    """
+    viewer = "ocp_vscode" if importlib.util.find_spec("ocp_vscode") else "cadquery.vis"
+    core = SeparableCurve | SeparableSurface | Composite | Quilt | Solid
+    shapes = [gtShape(one) if isinstance(one, core) else one for one in objects]
+    return importlib.import_module(viewer).show(*shapes, **options)

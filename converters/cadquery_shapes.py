@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any, Generic, Literal, Self, TypeAlias, TypedDict, TypeVar
 
-import cadquery as cq
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -16,12 +15,35 @@ from gtcad.converters.fit import Degree
 from gtcad.converters.hosts import AnyFit, Core, FaceDesign, Made
 from gtcad.converters.sources import ShapeSource, SplineSource, source_of
 from gtcad.curve import Curve
-from gtcad.errors import InputError
+from gtcad.errors import ExtraMissing, InputError
 from gtcad.patches._patch import in_space
 from gtcad.protocol import SeparableCurve, SeparableSurface
 from gtcad.quilt import Quilt
 from gtcad.restricted import RestrictedCurve
 from gtcad.solid import Solid
+
+try:
+    import cadquery as cq
+except ImportError as error:
+    raise ExtraMissing(f"CadQuery is needed here: pip install 'gtcad[cadquery]' ({error})") from error
+
+__all__ = [
+    "CurveLike",
+    "GtEdge",
+    "GtFace",
+    "GtShell",
+    "GtSolid",
+    "GtWire",
+    "PointLike",
+    "Settings",
+    "SurfaceLike",
+    "cq",
+    "curve_of",
+    "in_one_space",
+    "point_of",
+    "points_of",
+    "quilt_of",
+]
 
 Exact = TypeVar("Exact", bound=Core)
 

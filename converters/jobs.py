@@ -25,7 +25,6 @@ from gtcad.restricted import RestrictedCurve, RestrictedSurface
 from gtcad.solid import Solid
 
 if TYPE_CHECKING:
-    from gtcad.converters.fit import Fit
     from gtcad.converters.occt.exchange import Schema
     from gtcad.converters.quilt_fit import QuiltFit
 
@@ -110,32 +109,12 @@ def fit_shapes(shapes: Mapping[str, ModelShape], settings: Mapping[str, Any]) ->
 
 
 def _fitted(name: str, shape: ModelShape, settings: Mapping[str, Any]) -> Fitted:
-    from gtcad.converters.chain import fit_chain
-    from gtcad.converters.fit import fit_curve, fit_surface
+    from gtcad.converters.hosts import choose_geometry
 
-    if isinstance(shape, Composite):
-        chain = fit_chain(shape, **settings)
-        geometry = chain.edges[0] if len(chain.edges) == 1 else Wire(chain.edges)
-        return Fitted(name, geometry, chain.deviation, chain.exact)
-    if isinstance(shape, SeparableCurve):
-        return _with_arc(name, shape, fit_curve(shape, **settings))
     if isinstance(shape, Quilt | Solid):
         return _built(name, shape, settings)
-    if settings.get("exact", True) and (analytic := _as_quadric(name, shape, settings["tolerance"])) is not None:
-        return analytic
-    fit = fit_surface(shape, **settings)
-    return Fitted(name, fit.spline, fit.deviation, fit.exact)
-
-
-def _as_quadric(name: str, shape: SeparableSurface, tolerance: float) -> Fitted | None:
-    """A patch that is exactly a plane, cylinder, cone, sphere or torus as such; None for others."""
-    from gtcad.converters.analytic import certify_quadric, quadric_of
-
-    quadric = quadric_of(shape)
-    if quadric is None:
-        return None
-    proved = certify_quadric(shape, quadric)
-    return Fitted(name, quadric, (proved.lower, proved.upper), exact=True) if proved.upper <= tolerance else None
+    geometry, fit = choose_geometry(shape, **settings)
+    return Fitted(name, geometry, fit.deviation, fit.exact)
 
 
 def _built(name: str, shape: Quilt | Solid, settings: Mapping[str, Any]) -> Fitted:
@@ -161,18 +140,6 @@ def _fitted_quilt(quilt: Quilt, settings: Mapping[str, Any]) -> QuiltFit:
 
     taken = {key: settings[key] for key in _QUILT_SETTINGS if key in settings}
     return fit_quilt(quilt, **taken)
-
-
-def _with_arc(name: str, shape: SeparableCurve, fit: Fit[Any, Any]) -> Fitted:
-    """The fit of a curve, as an arc where it is exactly one."""
-    from gtcad.converters.arcs import certify_arc, ellipse_arc
-
-    spatial = shape if shape.dimension == 3 else shape.transformed(np.eye(3, 2))
-    arc = ellipse_arc(spatial) if fit.exact else None
-    if arc is None:
-        return Fitted(name, fit.spline, fit.deviation, fit.exact)
-    proved = certify_arc(spatial, arc)
-    return Fitted(name, arc, (proved.lower, proved.upper), exact=True)
 
 
 def parts_of(fits: Sequence[Fitted], colors: Mapping[str, str]) -> list[Part]:

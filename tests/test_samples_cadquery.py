@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gtcad import BERNSTEIN, Curve
+from gtcad import BERNSTEIN, Basis, Curve
 
 cq = pytest.importorskip("cadquery", reason="CadQuery only goes with OCCT 7.9")
 
@@ -103,7 +103,7 @@ def wall(patch, thickness: float) -> float:
 def sections_of(stations) -> float:
     """The volume of a blade whose sections, upper and lower side, lie in planes x = constant."""
     v, dv = T, DT
-    basis = Curve(np.pad(np.eye(4)[:, :3], ((0, 0), (0, 0)))).factors.evaluate  # values of the four functions
+    basis = Basis(3).evaluate
     places = basis(np.linspace(0, 1, 4))
     slope = (basis(v + 1e-6) - basis(v - 1e-6)) / 2e-6
     nets = [np.linalg.solve(places, np.array([s[k].control_points for s in stations]).reshape(4, -1)) for k in (0, 1)]
@@ -157,7 +157,7 @@ def hull_body(names) -> float:
     return 2 * abs(flux(names["port"], lambda points: points * [0, 1, 0]))  # deck and stern are along y
 
 
-# the body of a script, what its volume should be, and whether its surface is all of the fit's
+# the body of a script, and what its volume should be
 BODIES: dict[str, tuple[Callable[[dict[str, Any]], Any], Callable[[dict[str, Any]], float]]] = {
     "bonnet": (lambda n: n["body"], lambda n: wall(n["skin"].exact, 0.8)),
     "bottle": (lambda n: n["body"], lambda n: turned(n["meridian"])),

@@ -1,4 +1,4 @@
-"""A boat's hull: one GT side and its mirror image, a plane stern and a ruled deck; hollowed by a smaller one."""
+"""A boat's hull: one GT side and its mirror image, a plane stern, a ruled deck, and a cockpit of the host."""
 
 import cadquery as cq
 
