@@ -108,6 +108,8 @@ ORDER = [
     "gtcad.converters.build123d_lines",
     "gtcad.converters.build123d_faces",
     "gtcad.converters.build123d",
+    "gtcad.converters.cadquery_shapes",
+    "gtcad.converters.cadquery_functions",
     "gtcad.converters.cadquery",
     "gtcad.converters.doctor",
     "gtcad.converters.verdicts",

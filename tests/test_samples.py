@@ -108,10 +108,10 @@ def has_wall(model: Model) -> bool:
     return any(isinstance(shape, Solid) and shape.thickness is not None for shape in model.values())
 
 
-def exported(path: Path, folder: Path, suffix: str, tolerance: float = TOLERANCE) -> Path:
+def exported(path: Path, folder: Path, suffix: str, tolerance: float = TOLERANCE, *options: str) -> Path:
     file = folder / (path.stem + suffix)
     with pytest.raises(SystemExit) as ended:
-        cli.app(["export", str(path), "-o", str(file), "--tolerance", str(tolerance)], prog_name="gtcad")
+        cli.app(["export", str(path), "-o", str(file), "--tolerance", str(tolerance), *options], prog_name="gtcad")
     assert ended.value.code == 0
     return file
 
@@ -548,13 +548,17 @@ def test_an_independent_reader_finds_the_same_sizes_and_boxes(path: Path, tmp_pa
     scale = MILLIMETRES[model.unit]
     pieces = in_pieces(model)
     wanted = {name for name, _ in pieces}
-    found = [one for one in Part21(exported(path, tmp_path, ".step")).shapes() if one[0] in wanted]
+    # the reader knows splines only; analytic surfaces are read back by the kernel elsewhere
+    options = ("--no-exact",) if path.stem == "pipe-elbow" else ()
+    found = [one for one in Part21(exported(path, tmp_path, ".step", TOLERANCE, *options)).shapes() if one[0] in wanted]
     assert [name for name, _, _ in found] == [name for name, _ in pieces]
     for (_, variables, held), (_, shape) in zip(found, pieces, strict=True):
         exact = model_map(shape, scale)
         # the point sets are at most the tolerance apart, and so are their boxes
-        assert np.abs(extremes(held, variables) - extremes(exact, variables)).max() <= TOLERANCE
-        assert math.isclose(size(held, variables), size(exact, variables), rel_tol=1e-6)
+        box = extremes(exact, variables)
+        assert np.abs(extremes(held, variables) - box).max() <= TOLERANCE
+        rim = TOLERANCE * float(np.ptp(box, axis=0).sum()) if variables == 2 else 0.0  # what a moved boundary covers
+        assert math.isclose(size(held, variables), size(exact, variables), rel_tol=1e-6, abs_tol=rim)
 
 
 def bends(spline: BSpline, t: float) -> list[Array]:

@@ -88,15 +88,18 @@ def test_samples_are_small_enough_to_read() -> None:
     models = [path for path in (ROOT / "samples").iterdir() if path.suffix in (".json", ".toml")]
     assert len(models) >= 6
     for path in models:
+        if path.with_suffix(".py").exists():  # written by the script beside it, which is what one reads
+            continue
         lines = path.read_text(encoding="utf-8").splitlines()
         assert len(lines) < 120, path.name
         assert max(map(len, lines)) <= 120, path.name
 
 
-def test_the_picture_of_the_readme_is_there_and_small() -> None:
+def test_the_pictures_of_the_readme_are_there_and_small() -> None:
     names = re.findall(r"!\[[^\]]*\]\(([^)]+)\)", text("README.md"))
-    assert names == ["docs/images/overview.png"]
-    assert 10_000 < (ROOT / names[0]).stat().st_size < 300_000
+    assert "docs/images/overview.png" in names
+    for name in names:
+        assert 10_000 < (ROOT / name).stat().st_size < 300_000, name
 
 
 def test_links_in_the_documents_lead_somewhere() -> None:
