@@ -606,7 +606,10 @@ def test_a_missing_folder_is_a_file_error(tmp_path):
     ("arguments", "message"),
     [
         ({"name": 3, "geometry": shapes.curve(1)}, "name must be a text, got 3"),
-        ({"name": "a", "geometry": "circle"}, "geometry must be a BSplineCurve, BSplineSurface, EllipseArc, Quadric, Wire or Built, got str"),
+        (
+            {"name": "a", "geometry": "circle"},
+            "geometry must be a BSplineCurve, BSplineSurface, EllipseArc, Quadric, Wire or Built, got str",
+        ),
         (
             {"name": "a", "geometry": shapes.curve(1), "color": (0, 0.5, 1.5)},
             r"color must be three numbers in \[0, 1\]",
