@@ -20,7 +20,7 @@ import gtcad
 import gtcad.model
 from gtcad import BERNSTEIN, Curve, Restricted, Surface, _options, _tables, cli
 from gtcad.continuity import check_join
-from gtcad.converters import fit, jobs
+from gtcad.converters import hosts, jobs
 from gtcad.converters.bspline import BSplineSurface
 from gtcad.converters.part import EllipseArc, Part
 from gtcad.errors import KernelError, KernelMissing, ToleranceNotMet
@@ -195,14 +195,14 @@ def test_a_tolerance_that_cannot_be_met_writes_nothing_and_says_the_numbers(mode
 def test_a_fit_that_stays_beyond_the_tolerance_is_told_and_the_others_are_tried(
     monkeypatch: pytest.MonkeyPatch, fitted: Path, tmp_path: Path
 ) -> None:
-    real = fit.fit_curve
+    real = hosts.fit_curve
 
     def fit_curve(curve: Any, **settings: Any) -> Any:
         if len(curve.control_points) == 4:
             raise ToleranceNotMet(settings["tolerance"], 3e-4, 4096, "that is the limit")
         return real(curve, **settings)
 
-    monkeypatch.setattr(fit, "fit_curve", fit_curve)
+    monkeypatch.setattr(hosts, "fit_curve", fit_curve)
     result = export(fitted, tmp_path / "out.step")
     assert result.exit_code == 1
     assert not (tmp_path / "out.step").exists()
