@@ -13,6 +13,7 @@ from gtcad.converters.arcs import curve_of_arc
 from gtcad.converters.bspline import BSplineCurve
 from gtcad.converters.certificate import Certificate, certify_curve
 from gtcad.converters.part import EllipseArc
+from gtcad.converters.spline_parts import cut
 from gtcad.errors import InputError
 from gtcad.factors import CurveOfTerms, Stacked
 from gtcad.protocol import SeparableCurve
@@ -124,26 +125,6 @@ class SplineSource(Source):
         """Prove how far a curve is from it at equal parameters."""
         found = certify_curve(curve, self.spline)
         return Certificate(max(0.0, found.lower - self.slack), found.upper + self.slack, found.place)
-
-
-def cut(spline: BSplineCurve, start: float, end: float) -> BSplineCurve:
-    """The part over [start, end]: both are made knots of full multiplicity (Boehm's algorithm)."""
-    flat, poles, degree = spline.flat_knots, spline.homogeneous, spline.degree
-    for u in (start, end):
-        for _ in range(degree - int((flat == u).sum())):
-            last = int(np.searchsorted(flat, u, "right")) - 1
-            i = np.arange(last - degree + 1, last + 1)
-            share = ((u - flat[i]) / (flat[i + degree] - flat[i]))[:, None]
-            mixed = share * poles[i] + (1 - share) * poles[i - 1]
-            poles = np.concatenate([poles[: i[0]], mixed, poles[last:]])
-            flat = np.insert(flat, last + 1, u)
-    first, stop = np.searchsorted(flat, start, "right") - degree - 1, np.searchsorted(flat, end, "left")
-    inside = (spline.knots > start) & (spline.knots < end)
-    counts = [m for m, inner in zip(spline.multiplicities, inside, strict=True) if inner]
-    kept = poles[first:stop]
-    points, weights = (kept, None) if spline.weights is None else (kept[:, :-1] / kept[:, -1:], kept[:, -1])
-    knots = [start, *spline.knots[inside], end]
-    return BSplineCurve(points, knots, [degree + 1, *counts, degree + 1], degree, weights)
 
 
 def source_of(source: Any) -> tuple[Source, bool]:

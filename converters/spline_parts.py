@@ -11,8 +11,6 @@ L. Ramshaw, Blossoms are polar forms, Comput. Aided Geom. Design 6 (1989) 323-35
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -83,8 +81,6 @@ def elevated(spline: BSplineCurve, degree: int) -> BSplineCurve:
 def extracted(spline: BSplineCurve, first: int, last: int) -> BSplineCurve:
     """The part of a spline between two of its knots, given by their index, on its own parameters.
 
-    All poles but those at its ends are poles of the spline, those of rational ones up to rounding.
-
     Raises
     ------
     InputError
@@ -94,28 +90,35 @@ def extracted(spline: BSplineCurve, first: int, last: int) -> BSplineCurve:
         raise InputError(f"first < last must be indices of {len(spline.knots)} knots, got {first} and {last}")
     if (first, last) == (0, len(spline.knots) - 1):
         return spline
-    degree = spline.degree
-    knots = spline.knots[first : last + 1]
-    counts = (degree + 1, *spline.multiplicities[first + 1 : last], degree + 1)
-    flat = np.repeat(knots, counts)
-    shift = sum(spline.multiplicities[: first + 1]) - degree - 1
-    poles = spline.homogeneous[shift : shift + len(flat) - degree - 1].copy()
-    known = spline.flat_knots[shift : shift + len(flat)]
-    for i in range(len(poles)):
-        arguments = slice(i + 1, i + degree + 1)
-        if not np.array_equal(flat[arguments], known[arguments]):
-            poles[i] = _blossom(spline, flat[arguments], first + _span(knots, flat, i, degree))
-    if spline.weights is None:
-        return BSplineCurve(poles, knots, counts, degree)
-    return BSplineCurve(poles[:, :-1] / poles[:, -1:], knots, counts, degree, poles[:, -1])
+    return cut(spline, float(spline.knots[first]), float(spline.knots[last]))
 
 
-def _span(knots: Array, flat: Array, index: int, degree: int) -> int:
-    """The span in the support of a pole's function that is nearest to the mean of the pole's knots."""
-    own = float(flat[index + 1 : index + degree + 1].mean())
-    support = flat[index : index + degree + 2]
-    middles = [(a + b) / 2 for a, b in pairwise(support.tolist()) if a < b]
-    return int(np.searchsorted(knots, min(middles, key=lambda middle: abs(middle - own)))) - 1
+def cut(spline: BSplineCurve, start: float, end: float) -> BSplineCurve:
+    """The part of a spline over [start, end] of its domain: both are made knots of full multiplicity.
+
+    All poles but those at its ends are poles of the spline, those of rational ones up to rounding; the others come
+    from up to 2 p combinations of two poles with weights in [0, 1].
+
+    References
+    ----------
+    W. Boehm, Inserting new knots into B-spline curves, Computer-Aided Design 12 (1980) 199-201.
+    """
+    flat, poles, degree = spline.flat_knots, spline.homogeneous, spline.degree
+    for u in (start, end):
+        for _ in range(degree - int((flat == u).sum())):
+            last = int(np.searchsorted(flat, u, "right")) - 1
+            i = np.arange(last - degree + 1, last + 1)
+            share = ((u - flat[i]) / (flat[i + degree] - flat[i]))[:, None]
+            mixed = share * poles[i] + (1 - share) * poles[i - 1]
+            poles = np.concatenate([poles[: i[0]], mixed, poles[last:]])
+            flat = np.insert(flat, last + 1, u)
+    first, stop = np.searchsorted(flat, start, "right") - degree - 1, np.searchsorted(flat, end, "left")
+    inside = (spline.knots > start) & (spline.knots < end)
+    counts = [m for m, inner in zip(spline.multiplicities, inside, strict=True) if inner]
+    kept = poles[first:stop]
+    points, weights = (kept, None) if spline.weights is None else (kept[:, :-1] / kept[:, -1:], kept[:, -1])
+    knots = [start, *spline.knots[inside], end]
+    return BSplineCurve(points, knots, [degree + 1, *counts, degree + 1], degree, weights)
 
 
 def _blossom(spline: BSplineCurve, arguments: Array, span: int) -> Array:

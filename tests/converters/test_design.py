@@ -17,7 +17,7 @@ from gtcad.converters.design import nearest_chain, nearest_gt
 from gtcad.converters.occt.compat import kernel_module, point
 from gtcad.converters.occt.geometry import to_geom_curve
 from gtcad.converters.part import EllipseArc
-from gtcad.converters.sources import cut
+from gtcad.converters.spline_parts import cut
 from gtcad.errors import InputError, KernelError, ToleranceBelowPrecision, ToleranceNotMet
 from gtcad.restricted import Restricted
 from tests import pieces, splines
