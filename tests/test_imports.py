@@ -121,6 +121,11 @@ ORDER = [
     "gtcad.converters.batch",
     "gtcad._options",
     "gtcad._tables",
+    "gtcad._command",
+    "gtcad._export_command",
+    "gtcad._check_command",
+    "gtcad._unroll_command",
+    "gtcad._optimize_command",
     "gtcad.cli",
     "gtcad.__main__",
 ]
