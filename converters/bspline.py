@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gtcad.basis import checked_order, is_whole
 from gtcad.errors import InputError
+from gtcad.protocol import checked_side
 
 Array = NDArray[np.float64]
 MAX_DEGREE = 25  # OCCT's limit
@@ -322,8 +323,7 @@ class BSplineSurface:
 
     def boundary(self, side: str) -> BSplineCurve:
         """The isoparametric curve of one side, "u0", "u1" (constant u), "v0" or "v1" (constant v): its own poles."""
-        if side not in ("u0", "u1", "v0", "v1"):
-            raise InputError(f'side must be "u0", "u1", "v0" or "v1", got {side!r}')
+        checked_side(side)
         row = 0 if side[1] == "0" else -1
         if side[0] == "u":
             weights = None if self.weights is None else self.weights[row]

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from gtcad.differential import normal, principal_curvatures
 from gtcad.errors import InputError
-from gtcad.protocol import SeparableSurface
-from gtcad.quilt import SIDES, Quilt, Use
+from gtcad.protocol import SIDES, SeparableSurface
+from gtcad.quilt import Quilt, Use
 
 Array = NDArray[np.float64]
 Place = tuple[float, float]

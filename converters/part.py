@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
-from gtcad.converters.quadrics import Quadric
+from gtcad.converters.quadrics import Quadric, spatial
 from gtcad.errors import InputError
 from gtcad.measure import Estimate
 
@@ -20,14 +20,6 @@ Color = tuple[float, float, float]
 MEETING = 1e-10  # mm: what still is one point
 _SQUARE = 1e-9  # cosine of the axes' angle that still counts as a right angle
 _TURN = 2 * np.pi * (1 + 1e-15)
-
-
-def _vector(name: str, value: ArrayLike) -> Array:
-    vector = np.array(value, dtype=np.float64)
-    if vector.shape != (3,) or not np.isfinite(vector).all():
-        raise InputError(f"{name} must be three finite numbers, got {np.asarray(value).tolist()}")
-    vector.flags.writeable = False
-    return vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +60,9 @@ class EllipseArc:
     end: float
 
     def __init__(self, center: ArrayLike, axis_a: ArrayLike, axis_b: ArrayLike, start: float, end: float) -> None:
-        object.__setattr__(self, "center", _vector("center", center))
-        object.__setattr__(self, "axis_a", _vector("axis_a", axis_a))
-        object.__setattr__(self, "axis_b", _vector("axis_b", axis_b))
+        object.__setattr__(self, "center", spatial("center", center))
+        object.__setattr__(self, "axis_a", spatial("axis_a", axis_a))
+        object.__setattr__(self, "axis_b", spatial("axis_b", axis_b))
         object.__setattr__(self, "start", float(start))
         object.__setattr__(self, "end", float(end))
         lengths = np.linalg.norm(self.axis_a), np.linalg.norm(self.axis_b)

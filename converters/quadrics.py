@@ -106,7 +106,7 @@ class Quadric:
         if abs(cosine := float(z @ x)) > _SQUARE:
             raise InputError(f"axis and x_direction must be at right angles, got an angle with cosine {cosine:.3g}")
         object.__setattr__(self, "kind", kind)
-        object.__setattr__(self, "origin", _vector("origin", origin))
+        object.__setattr__(self, "origin", spatial("origin", origin))
         object.__setattr__(self, "axis", z)
         object.__setattr__(self, "x_direction", _unit("x_direction", x - cosine * z))
         object.__setattr__(self, "radius", float(radius))
@@ -159,7 +159,8 @@ class Quadric:
         return np.asarray(self.origin + out * (np.cos(u) * x + np.sin(u) * y) + height * self.axis)
 
 
-def _vector(name: str, value: ArrayLike) -> Array:
+def spatial(name: str, value: ArrayLike) -> Array:
+    """A read-only vector of three finite numbers; the name is for the error."""
     vector = np.array(value, dtype=np.float64)
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise InputError(f"{name} must be three finite numbers, got {np.asarray(value).tolist()}")
@@ -168,11 +169,11 @@ def _vector(name: str, value: ArrayLike) -> Array:
 
 
 def _unit(name: str, value: ArrayLike) -> Array:
-    vector = _vector(name, value)
+    vector = spatial(name, value)
     length = float(np.linalg.norm(vector))
     if length == 0:
         raise InputError(f"{name} must not be zero")
-    return _vector(name, vector / length)
+    return spatial(name, vector / length)
 
 
 def _range(name: str, ends: Range) -> Range:

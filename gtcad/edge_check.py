@@ -30,13 +30,12 @@ from gtcad.chebyshev import UNIT_ROUNDOFF, interpolation_tail, lebesgue, maximum
 from gtcad.continuity import MAX_ORDER, PARAMETRIC, Scale, Thresholds, chain_rule, highest_order, meets_order
 from gtcad.errors import InputError
 from gtcad.factors import KeyedFactors, RestrictedFactors, Stacked
-from gtcad.protocol import Factors, SeparableSurface
+from gtcad.protocol import Factors, SeparableSurface, checked_side
 
 Array = NDArray[np.float64]
 Bounds = tuple[float, float]
 Figures = tuple[float, float, float]
 
-SIDES = ("u0", "u1", "v0", "v1")
 SINGULAR = 1e-10  # of the size: derivatives and edges that count as vanishing
 STANDARD = Thresholds()
 _SAMPLES = 257
@@ -219,8 +218,7 @@ class _Side:
     backwards: bool = False
 
     def __post_init__(self) -> None:
-        if self.name not in SIDES:
-            raise InputError(f'side must be "u0", "u1", "v0" or "v1", got {self.name!r}')
+        checked_side(self.name)
 
     @property
     def domain(self) -> tuple[Bounds, Bounds]:

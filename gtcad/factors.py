@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from gtcad.basis import Basis, checked_parameters
 from gtcad.chebyshev import UNIT_ROUNDOFF
 from gtcad.errors import InputError
-from gtcad.protocol import Factors, SeparableCurve, SeparableSurface, affine
+from gtcad.protocol import Factors, SeparableCurve, SeparableSurface, affine, checked_side
 
 Array = NDArray[np.float64]
 
@@ -241,8 +241,7 @@ class WithIsoparametrics(SeparableSurface):
 
     def boundary(self, side: str) -> CurveOfTerms:
         """The boundary curve "u0" or "u1" (a curve in v at u = 0, 1), "v0" or "v1" (a curve in u)."""
-        if side not in ("u0", "u1", "v0", "v1"):
-            raise InputError(f'side must be "u0", "u1", "v0" or "v1", got {side!r}')
+        checked_side(side)
         return self.isoparametric(u=float(side[1])) if side[0] == "u" else self.isoparametric(v=float(side[1]))
 
 

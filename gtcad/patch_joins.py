@@ -21,13 +21,12 @@ from numpy.typing import ArrayLike, NDArray
 from gtcad._jets import norm
 from gtcad.basis import GT, Basis, Family, checked_gamma
 from gtcad.continuity import PARAMETRIC, Scale, Start, chain_rule, parsed_order, speed_bounds
-from gtcad.edge_check import SIDES, SINGULAR, DerivableSurface, EdgeReport, SeparableSide, check_edge
+from gtcad.edge_check import SINGULAR, DerivableSurface, EdgeReport, SeparableSide, check_edge
 from gtcad.errors import InputError, SingularJoin
 from gtcad.protocol import SeparableSurface
 from gtcad.surface import Surface
 
 __all__ = [
-    "SIDES",
     "DerivableSurface",
     "EdgeReport",
     "check_edge",

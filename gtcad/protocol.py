@@ -24,6 +24,8 @@ from gtcad.errors import InputError
 
 Array = NDArray[np.float64]
 
+SIDES = ("u0", "u1", "v0", "v1")  # of a surface's domain
+
 
 class Factors(Protocol):
     """A few analytic functions on [0, 1], known well enough to prove with."""
@@ -214,6 +216,19 @@ def checked_points(name: str, value: ArrayLike, ndim: int) -> Array:
         raise InputError(f"{name}{list(place)} must be finite, got {points[place]}")
     points.flags.writeable = False
     return points
+
+
+def checked_side(side: str) -> str:
+    """The name of one of the four sides of a surface's domain: "u0" is the side u = 0.
+
+    Raises
+    ------
+    InputError
+        When it is none of "u0", "u1", "v0", "v1".
+    """
+    if side not in SIDES:
+        raise InputError(f'side must be "u0", "u1", "v0" or "v1", got {side!r}')
+    return side
 
 
 def affine(points: Array, matrix: ArrayLike, translation: ArrayLike | None) -> Array:

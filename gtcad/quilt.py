@@ -22,12 +22,11 @@ from gtcad.chebyshev import nodes
 from gtcad.continuity import parsed_order
 from gtcad.errors import InputError
 from gtcad.measure import Estimate, area, volume
-from gtcad.protocol import SeparableSurface
+from gtcad.protocol import SIDES, SeparableSurface
 
 Array = NDArray[np.float64]
 Node = TypeVar("Node", bound=Hashable)
 
-SIDES = ("u0", "u1", "v0", "v1")
 """The sides of a patch: u = 0, u = 1 (curves in v), v = 0, v = 1 (curves in u)."""
 
 SAME = 1e-12

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from gtcad.basis import GT, Basis, Family, Gamma, checked_gamma, checked_parameters
 from gtcad.curve import Curve
 from gtcad.errors import InputError
-from gtcad.protocol import SeparableSurface, affine, checked_points
+from gtcad.protocol import SeparableSurface, affine, checked_points, checked_side
 
 Array = NDArray[np.float64]
 
@@ -115,8 +115,7 @@ class Surface(SeparableSurface):
 
     def boundary(self, side: str) -> Curve:
         """The boundary curve "u0" or "u1" (a curve in v at u = 0, 1), "v0" or "v1" (a curve in u)."""
-        if side not in ("u0", "u1", "v0", "v1"):
-            raise InputError(f'side must be "u0", "u1", "v0" or "v1", got {side!r}')
+        checked_side(side)
         index = 0 if side[1] == "0" else -1
         if side[0] == "u":
             return Curve(self.control_points[index], self.gamma_v, self.family_v)

@@ -35,8 +35,8 @@ from gtcad.composite import Composite
 from gtcad.converters import fit_curve
 from gtcad.differential import normal
 from gtcad.model import Model
-from gtcad.protocol import SeparableCurve, SeparableSurface, Shape
-from gtcad.quilt import SIDES, Quilt, Use
+from gtcad.protocol import SIDES, SeparableCurve, SeparableSurface, Shape
+from gtcad.quilt import Quilt, Use
 from gtcad.restricted import Restricted, RestrictedSurface
 from gtcad.solid import Solid
 

@@ -17,6 +17,7 @@ from gtcad.conics import Arc, arc, circle, ellipse, hyperbola, parabola
 from gtcad.errors import InputError, ModelError
 from gtcad.model import Model
 from tests import test_model
+from tests.model_files import loaded
 from tests.test_composite import loop
 
 LINE: dict[str, Any] = {"name": "line", "kind": "curve", "family": "bernstein", "control_points": [[0, 0], [1, 0]]}
@@ -34,16 +35,6 @@ ELLIPSE: dict[str, Any] = {"name": "oval", "kind": "ellipse", "center": [1, 2], 
 ARC: dict[str, Any] = {"name": "bow", "kind": "arc", "center": [1, 2], "radius": 3, "angles": [20, 250]}
 AXES: dict[str, Any] = {"name": "bow", "kind": "arc", "center": [1, 2], "axis_a": [2, 0], "axis_b": [0, 1]}
 PARABOLA: dict[str, Any] = {"name": "dish", "kind": "parabola", "control_points": [[0, 0], [1, 2], [2, 0]]}
-
-
-def written(folder: Path, *shapes: Any, **head: Any) -> Path:
-    path = folder / "model.json"
-    path.write_text(json.dumps({"gtcad": 1, "shape": list(shapes)} | head))
-    return path
-
-
-def loaded(folder: Path, *shapes: Any, **head: Any) -> Model:
-    return gtcad.load_model(written(folder, *shapes, **head))
 
 
 def mixed() -> Composite:

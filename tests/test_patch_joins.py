@@ -13,12 +13,13 @@ from gtcad.basis import Basis
 from gtcad.continuity import Start, Thresholds, check_join, join_curve
 from gtcad.converters import fit_surface
 from gtcad.converters.bspline import BSplineSurface
-from gtcad.edge_check import SIDES, SeparableSide
+from gtcad.edge_check import SeparableSide
 from gtcad.errors import InputError, SingularJoin
 from gtcad.factors import SurfaceOfTerms, Waves
 from gtcad.patch_joins import check_edge, join_patch, join_patch_nearest, joined_sheet
 from gtcad.patches.rotation import Rotation
 from gtcad.patches.ruled import cylinder
+from gtcad.protocol import SIDES
 from tests import pieces
 
 ORDERS = ("C1", "C2", "C3", "G1", "G2", "G3")

@@ -17,6 +17,7 @@ from gtcad.errors import InputError, ModelError
 from gtcad.model import Model, schema
 from gtcad.patches import Coons, Lofted, Rotation, Ruled, Sweep, Swept, Swung, cone, cylinder
 from gtcad.protocol import SeparableSurface
+from tests.model_files import loaded
 from tests.test_model import valid_by_schema
 
 SCHEMA = schema()
@@ -76,16 +77,6 @@ def patches() -> dict[str, SeparableSurface]:
         ),
         "plane coons": Coons(line([0, 0], [9, 0]), line([0, 9], [9, 9]), line([0, 0], [0, 9]), line([9, 0], [9, 9])),
     }
-
-
-def written(folder: Path, *shapes: Any, **head: Any) -> Path:
-    path = folder / "model.json"
-    path.write_text(json.dumps({"gtcad": 1, "shape": list(shapes)} | head))
-    return path
-
-
-def loaded(folder: Path, *shapes: Any, **head: Any) -> Model:
-    return gtcad.load_model(written(folder, *shapes, **head))
 
 
 @pytest.mark.parametrize("suffix", [".json", ".toml"])

@@ -13,8 +13,8 @@ from gtcad.continuity import PARAMETRIC, Start, chain_rule
 from gtcad.errors import InputError
 from gtcad.factors import CurveOfTerms, Waves
 from gtcad.patches import Rotation, Ruled
-from gtcad.protocol import SeparableSurface
-from gtcad.quilt import SIDES, Quilt, SharedEdge, Use
+from gtcad.protocol import SIDES, SeparableSurface
+from gtcad.quilt import Quilt, SharedEdge, Use
 from gtcad.restricted import Restricted
 
 Array = NDArray[np.float64]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
 from functools import cache
@@ -21,6 +20,7 @@ from gtcad.patches import Rotation
 from gtcad.quilt import Quilt, SharedEdge, Use
 from gtcad.solid import Solid
 from tests.converters import bodies
+from tests.model_files import loaded
 from tests.test_model import valid_by_schema
 from tests.test_patch_kinds import UNITS, patches
 
@@ -40,16 +40,6 @@ QUILT: dict[str, Any] = {"name": "x", "kind": "quilt", "patches": ["tube"]}
 SOLID: dict[str, Any] = {"name": "x", "kind": "solid", "caps": "planar", "patches": ["tube"]}
 OTHER: dict[str, Any] = {"name": "other", "kind": "quilt", "patches": ["roof"]}
 EDGE: dict[str, Any] = {"first": "tube.v0", "second": "tube.v1"}
-
-
-def written(folder: Path, *shapes: Any, **head: Any) -> Path:
-    path = folder / "model.json"
-    path.write_text(json.dumps({"gtcad": 1, "shape": list(shapes)} | head))
-    return path
-
-
-def loaded(folder: Path, *shapes: Any, **head: Any) -> Model:
-    return gtcad.load_model(written(folder, *shapes, **head))
 
 
 def sheet() -> list[Surface]:
