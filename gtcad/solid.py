@@ -15,6 +15,7 @@ from gtcad.curve import Curve
 from gtcad.errors import InputError
 from gtcad.factors import CurveOfTerms
 from gtcad.measure import Estimate
+from gtcad.patches._patch import handedness
 from gtcad.patches.ruled import Ruled
 from gtcad.protocol import SeparableSurface
 from gtcad.quilt import SAME, Quilt, Use, connected
@@ -127,11 +128,11 @@ class Solid:
         if self.thickness is None:
             return Solid(quilt, self.caps)
         linear = np.asarray(matrix, dtype=np.float64)
-        scale = math.sqrt(float(np.trace(linear.T @ linear)) / 3)
-        if np.abs(linear.T @ linear - scale**2 * np.eye(3)).max() > _SIMILAR * scale**2:
+        hand = handedness(linear, _SIMILAR)
+        if not hand:
             raise InputError("a wall can only be moved by a similarity: anything else makes its thickness uneven")
-        mirror = 1.0 if np.linalg.det(linear) > 0 or self.quilt.closed else -1.0
-        return Solid(quilt, self.caps, mirror * scale * self.thickness)
+        scale = math.sqrt(float(np.trace(linear.T @ linear)) / 3)
+        return Solid(quilt, self.caps, (1 if self.quilt.closed else hand) * scale * self.thickness)
 
 
 def _points(patch: SeparableSurface, side: str) -> Array:

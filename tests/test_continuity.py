@@ -8,82 +8,9 @@ import pytest
 from gtcad import BERNSTEIN, Curve, Restricted, differential
 from gtcad.basis import Basis
 from gtcad.continuity import Start, Thresholds, chain_rule, check_join, join_curve, join_nearest, parsed_order
-from gtcad.converters import fit_curve
 from gtcad.converters.exact import exact_curve
 from gtcad.errors import InputError, SingularJoin
 from tests import pieces
-
-ORDERS = ("C1", "C2", "C3", "G1", "G2", "G3")
-
-
-def random_join(rng, order):
-    """A curve, one joined to it at that order, and the scale factors."""
-    wanted = int(order[1])
-    first = pieces.random_curve(rng, int(rng.integers(2, 9)), 100.0, int(rng.integers(2, 4)))
-    degree = int(rng.integers(max(4, wanted + 1), 9))
-    scale = (1.0, 0.0, 0.0)
-    if order[0] == "G":
-        scale = (float(np.exp(rng.normal(0, 0.4))), float(rng.normal()), float(rng.normal()) * (wanted == 3))
-    rest = first.evaluate(1.0) + rng.normal(0, 50, (degree - wanted, first.dimension))
-    gamma = pieces.random_gamma(rng)
-    return first, join_curve(first, degree, order=order, gamma=gamma, scale=scale, rest=rest), scale
-
-
-def joins(order, count, seed):
-    """Random joins; those that are singular, or so nearly that digits are lost, are passed over."""
-    rng = np.random.default_rng(seed)
-    made = 0
-    while made < count:
-        try:
-            first, second, scale = random_join(rng, order)
-        except SingularJoin:
-            continue
-        if min(Start.of(second.factors, int(order[1])).conditioning) > 1e-2:
-            made += 1
-            yield first, second, scale
-
-
-def assert_joined(order, count, seed):
-    wanted = int(order[1])
-    for first, second, scale in joins(order, count, seed):
-        ends = np.array([first.derivative(1.0, r) for r in range(wanted + 1)])
-        starts = np.array([second.derivative(0.0, r) for r in range(wanted + 1)])
-        target = chain_rule(scale, wanted + 1) @ ends
-        for r in range(wanted + 1):
-            size = max(np.abs(starts[r]).max(), np.abs(second.control_points).max())
-            assert np.abs(starts[r] - target[r]).max() <= 1e-12 * size
-        assert check_join(first, second).meets(order)
-
-
-def assert_joined_after_conversion(order, count, seed):
-    for first, second, _ in joins(order, count, seed):
-        before, after = (
-            fit_curve(one, tolerance=1e-6, end_order=int(order[1]), exact=False, adapt=False).spline
-            for one in (first, second)
-        )
-        assert check_join(before, after).meets(order)
-
-
-@pytest.mark.parametrize("order", ORDERS)
-def test_joined_derivatives_agree(order):
-    assert_joined(order, 40, 1)
-
-
-@pytest.mark.parametrize("order", ORDERS)
-def test_splines_join_as_the_shapes_do(order):
-    assert_joined_after_conversion(order, 5, 2)
-
-
-@pytest.mark.stress
-@pytest.mark.parametrize("order", ORDERS)
-def test_joined_derivatives_agree_stress(order):
-    assert_joined(order, 1000, 11)
-
-
-@pytest.mark.stress
-@pytest.mark.parametrize("order", ORDERS)
-def test_splines_join_as_the_shapes_do_stress(order):
-    assert_joined_after_conversion(order, 1000, 12)
 
 
 def test_the_chain_rule_is_that_of_a_reparametrisation():

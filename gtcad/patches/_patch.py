@@ -154,13 +154,16 @@ def placed(terms: SurfaceOfTerms, placement: Rows | None) -> SurfaceOfTerms:
     return terms.transformed(rows[:, :3], rows[:, 3])
 
 
-def handedness(matrix: ArrayLike) -> int:
-    """1 or -1, the sign of the determinant, for the matrix of a similarity of space; 0 for any other."""
+def handedness(matrix: ArrayLike, tolerance: float = _SIMILAR) -> int:
+    """1 or -1, the sign of the determinant, for the matrix of a similarity of space; 0 for any other.
+
+    The tolerance is relative: images of exact shapes need all digits, what is measured afterwards fewer.
+    """
     linear = np.asarray(matrix, dtype=np.float64)
     if linear.shape != (3, 3) or not np.isfinite(linear).all():
         return 0
     squares = linear.T @ linear
     size = float(np.trace(squares)) / 3
-    if size == 0 or np.abs(squares - size * np.eye(3)).max() > _SIMILAR * size:
+    if size == 0 or np.abs(squares - size * np.eye(3)).max() > tolerance * size:
         return 0
     return 1 if np.linalg.det(linear) > 0 else -1
