@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from . import converters as converters
     from . import design_variables as design_variables
     from . import differential as differential
+    from . import extremes as extremes
     from . import interpolation as interpolation
     from . import measure as measure
     from . import offset as offset
@@ -65,6 +66,7 @@ __getattr__, __dir__, __all__ = lazy_names(
         "design_variables": "design_variables",
         "differential": "differential",
         "dump_model": "model",
+        "extremes": "extremes",
         "interpolation": "interpolation",
         "load_model": "model",
         "measure": "measure",

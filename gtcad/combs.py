@@ -24,9 +24,9 @@ from gtcad.composite import Composite
 from gtcad.continuity import Derivable
 from gtcad.curve import Curve
 from gtcad.errors import InputError
+from gtcad.extremes import curvature_extremes
 from gtcad.measure import Estimate, curvature_energy, length
 from gtcad.protocol import SeparableCurve
-from gtcad.queries import curvature_extremes
 
 Array = NDArray[np.float64]
 

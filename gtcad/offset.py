@@ -24,8 +24,9 @@ from gtcad.basis import checked_order
 from gtcad.composite import Composite
 from gtcad.differential import tangent
 from gtcad.errors import InputError
+from gtcad.extremes import curvature_range
 from gtcad.protocol import SeparableCurve
-from gtcad.queries import SAMPLES, curvature_range, pieces_of
+from gtcad.queries import SAMPLES, pieces_of
 from gtcad.roots import roots
 
 Array = NDArray[np.float64]

@@ -26,8 +26,8 @@ from gtcad.continuity import Derivable
 from gtcad.curve import Curve
 from gtcad.differential import torsion
 from gtcad.errors import ExtraMissing, FileError, InputError
+from gtcad.extremes import curvature_extremes, extremes_along
 from gtcad.protocol import SeparableCurve
-from gtcad.queries import curvature_extremes, extremes_along
 
 Array = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""The benchmark pieces, and random shapes of every kind."""
+"""The benchmark pieces, random shapes of every kind, and a few known ones."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gtcad import Curve, Surface
+from gtcad import BERNSTEIN, Composite, Curve, Surface
 
 DATA = Path(__file__).parent / "data"
 
@@ -46,3 +46,14 @@ def random_surface(rng: np.random.Generator, degrees: tuple[int, int], size: flo
     points[..., 1] += np.linspace(0, 0.8, m + 1)
     points[..., 2] *= 2
     return Surface(points * size, random_gamma(rng), random_gamma(rng))
+
+
+def ellipse(a: float = 3.0, b: float = 2.0) -> Composite:
+    """Closed, of four quarters, run to the left from (a, 0)."""
+    corners = [(a, 0), (a, b), (0, b), (-a, b), (-a, 0), (-a, -b), (0, -b), (a, -b), (a, 0)]
+    return Composite(tuple(Curve(corners[k : k + 3]) for k in (0, 2, 4, 6)), ("G2",) * 4, True)
+
+
+def graph(*heights: float) -> Curve:
+    """The polynomial with these Bernstein coefficients over x in [-1, 1]."""
+    return Curve(np.stack([np.linspace(-1, 1, len(heights)), heights], axis=1), family=BERNSTEIN)

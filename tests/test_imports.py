@@ -35,6 +35,7 @@ ORDER = [
     "gtcad.conics",
     "gtcad.roots",
     "gtcad.queries",
+    "gtcad.extremes",
     "gtcad.offset",
     "gtcad._fitting",
     "gtcad.interpolation",
