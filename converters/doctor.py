@@ -1,8 +1,8 @@
-"""What is installed, whether the CAD kernel works, and how to repair it when it does not.
+"""What is installed, whether the CAD kernel and its hosts work, and how to repair what does not. It repairs nothing.
 
 `cadquery-ocp` and `cadquery-ocp-novtk` write the same folder ``OCP``: laid over each other in different versions they
 leave a kernel that does not import, or worse, one that does. This shows in the metadata, so it is found without
-importing anything; the import itself is tried in a process of its own, which may crash or hang.
+importing anything; the kernel and each host are then tried in a process of their own, which may crash or hang.
 """
 
 from __future__ import annotations
@@ -16,15 +16,18 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import gtcad
+from gtcad.errors import KernelError
 
 FULL, SLIM, PROXY = "cadquery-ocp", "cadquery-ocp-novtk", "cadquery-ocp-proxy"
 KERNELS = (FULL, SLIM)
-HOSTS = ("build123d", "cadquery", "ocpsvg", "ocp-gordon")  # whatever states which kernel it needs
+HOSTS = ("build123d", "cadquery")
+USERS = (*HOSTS, "ocpsvg", "ocp-gordon")  # whatever states which kernel it needs
 LISTED = ("numpy", "scipy", "pydantic", *KERNELS, PROXY, "build123d", "cadquery")
 PROBE_SECONDS = 120.0
 _COMPARE = {
@@ -48,12 +51,12 @@ class Distribution:
 
 @dataclass(frozen=True)
 class Probe:
-    """What importing the kernel in a process of its own gave.
+    """What importing the kernel or a host in a process of its own gave.
 
     Parameters
     ----------
     version
-        The version of OCCT, or None when the import failed.
+        The version of OCCT or of the host, or None when the import failed.
     error
         Why the import or the making of a face failed; empty when both went well.
     """
@@ -76,12 +79,15 @@ class Diagnosis:
         What is wrong, one sentence each.
     repair
         The commands that repair it, or that install a kernel when there is none.
+    hosts
+        What trying each host that is installed gave.
     """
 
     versions: dict[str, str | None]
     kernel: Probe | None
     problems: tuple[str, ...]
     repair: tuple[str, ...]
+    hosts: dict[str, Probe] = field(default_factory=dict)
 
     def as_data(self) -> dict[str, Any]:
         """Plain data, for JSON."""
@@ -89,15 +95,16 @@ class Diagnosis:
 
 
 def diagnose_installation(timeout: float = PROBE_SECONDS) -> Diagnosis:
-    """Examine the running Python's environment; the kernel gets `timeout` seconds to answer."""
+    """Examine the running Python's environment; the kernel and the hosts get `timeout` seconds each to answer."""
     found = installed_distributions()
     has_kernel = any(d.name in KERNELS for d in found) or importlib.util.find_spec("OCP") is not None
     probe = probe_kernel(timeout) if has_kernel else None
     versions: dict[str, str | None] = {"python": platform.python_version(), "gtcad": gtcad.__version__}
     versions |= {name: _version_of(name, found) for name in LISTED}
+    hosts = try_hosts(found, probe, timeout)
     problems = examine(found, probe)
-    repair = repair_commands(found) if problems or probe is None else []
-    return Diagnosis(versions, probe, tuple(problems), tuple(repair))
+    repair = repair_commands(found) if problems or probe is None else host_repairs(found, hosts)
+    return Diagnosis(versions, probe, (*problems, *_host_problems(hosts)), tuple(repair), hosts)
 
 
 def installed_distributions() -> list[Distribution]:
@@ -150,7 +157,7 @@ def _overlaid(found: Sequence[Distribution]) -> list[str]:
 def _misfits(found: Sequence[Distribution]) -> list[str]:
     problems = []
     for host in found:
-        if host.name not in HOSTS:
+        if host.name not in USERS:
             continue
         for requirement in host.requires:
             name, specifier = parsed_requirement(requirement)
@@ -212,10 +219,51 @@ def _version_of(name: str, found: Sequence[Distribution]) -> str | None:
     return " and ".join(versions) if versions else None
 
 
+def host_repairs(found: Sequence[Distribution], hosts: Mapping[str, Probe]) -> list[str]:
+    """The commands that install anew, in its own version, each host that fails on a kernel that works."""
+    python, commands = shlex.quote(sys.executable or "python"), []
+    for name, probe in hosts.items():
+        if probe.error:
+            wanted = shlex.quote(f"{name}=={_version_of(name, found)}")
+            commands.append(f"{python} -m pip install --force-reinstall --no-deps {wanted}")
+            commands.append(f"{python} -m pip install {wanted}")  # what it needs and is missing
+    return commands
+
+
+# --- trying -----------------------------------------------------------------------------------------------------------
+
+_UNTRIED = "not tried: the kernel does not work"
+
+
+def try_hosts(found: Sequence[Distribution], kernel: Probe | None, timeout: float = PROBE_SECONDS) -> dict[str, Probe]:
+    """Make a GT face in each host that is installed, unless the kernel itself does not work."""
+    names = [name for name in HOSTS if any(d.name == name for d in found)]
+    if not names:
+        return {}
+    if kernel is None or kernel.error:
+        return {name: Probe(None, _UNTRIED) for name in names}
+    with ThreadPoolExecutor(len(names)) as pool:
+        return dict(zip(names, pool.map(lambda name: probe_host(name, timeout), names), strict=True))
+
+
+def _host_problems(hosts: Mapping[str, Probe]) -> list[str]:
+    failed = {name: probe.error for name, probe in hosts.items() if probe.error not in ("", _UNTRIED)}
+    return [f"{name} does not work: {error}" for name, error in failed.items()]
+
+
 def probe_kernel(timeout: float = PROBE_SECONDS) -> Probe:
     """Import the kernel and make a face with it, in a process of its own."""
+    return _probe("answer_probe()", timeout)
+
+
+def probe_host(name: str, timeout: float = PROBE_SECONDS) -> Probe:
+    """Import a host and make a GT face with it, in a process of its own."""
+    return _probe(f"answer_host({name!r})", timeout)
+
+
+def _probe(call: str, timeout: float) -> Probe:
     paths = os.pathsep.join(path for path in sys.path if path)
-    command = [sys.executable, "-P", "-c", "from gtcad.converters import doctor; doctor.answer_probe()"]
+    command = [sys.executable, "-P", "-c", f"from gtcad.converters import doctor; doctor.{call}"]
     try:
         child = subprocess.run(
             command,
@@ -233,7 +281,7 @@ def probe_kernel(timeout: float = PROBE_SECONDS) -> Probe:
 
 
 def read_answer(returncode: int, stdout: str, stderr: str) -> Probe:
-    """The answer of a process that ran `answer_probe`."""
+    """The answer of a process that ran `answer_probe` or `answer_host`."""
     if returncode < 0:
         return Probe(None, f"it crashed (signal {-returncode})")
     try:
@@ -246,12 +294,21 @@ def read_answer(returncode: int, stdout: str, stderr: str) -> Probe:
 
 def answer_probe() -> None:
     """Import the kernel, make a small face, and print a `Probe` as JSON."""
+    _answer(_make_face, "OCP")
+
+
+def answer_host(name: str) -> None:
+    """Import a host, make a small GT face in it, and print a `Probe` as JSON."""
+    _answer({"build123d": _make_build123d_face, "cadquery": _make_cadquery_face}[name], name)
+
+
+def _answer(make: Callable[[], None], module: str) -> None:
     error = ""
     try:
-        _make_face()
+        make()
     except Exception as problem:
         error = f"{type(problem).__name__}: {problem}"
-    version = getattr(sys.modules.get("OCP"), "__version__", None)
+    version = getattr(sys.modules.get(module), "__version__", None)
     print("\n" + json.dumps({"version": version, "error": error}))
 
 
@@ -260,3 +317,32 @@ def _make_face() -> None:
     from gtcad.converters.occt.topology import make_face
 
     make_face(BSplineSurface([[[0, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 1]]], [0, 1], [2, 2], 1, [0, 1], [2, 2], 1))
+
+
+_NET = [[[0, 0, 0], [0, 1, 1], [0, 2, 0]], [[1, 0, 1], [1, 1, 2], [1, 2, 1]], [[2, 0, 0], [2, 1, 1], [2, 2, 0]]]
+
+
+def _make_build123d_face() -> None:
+    from gtcad.converters.build123d import GTSurface, host
+
+    face = GTSurface(_NET)
+    _check_face(isinstance(face, host.Face) and face.is_valid, face.area)
+
+
+def _make_cadquery_face() -> None:
+    from gtcad.converters.cadquery import gtSurface
+    from gtcad.converters.cadquery_shapes import cq
+
+    face = gtSurface(_NET)
+    _check_face(isinstance(face, cq.Face) and face.isValid(), face.Area())
+
+
+def _check_face(valid: bool, area: float) -> None:
+    from gtcad.measure import area as exact_area
+    from gtcad.surface import Surface
+
+    if not valid:
+        raise KernelError("its own check calls a GT face invalid")
+    exact = float(exact_area(Surface(_NET)))
+    if not abs(area - exact) <= 0.01 * exact:
+        raise KernelError(f"it measures {area:.6g} mm^2 for a GT face of {exact:.6g} mm^2")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -87,6 +87,38 @@ class EllipseArc:
         return points
 
 
+class Side(NamedTuple):
+    """Places along a side of a face: points and normals, each (n, 3), and the mean curvature there, (n,)."""
+
+    points: Array
+    normals: Array
+    mean: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Facets:
+    """Triangles of a face, for the eye or to sample it.
+
+    Attributes
+    ----------
+    points, normals
+        Corners on the face and its unit normals there, each (n, 3); NaN where there is no normal.
+    triangles
+        Three corners each, counterclockwise seen from where the normals point, shape (m, 3).
+    mean, gaussian
+        Curvatures at the corners, shape (n,): the mean one positive where the face bends towards its normal.
+    sides
+        Along its edges, all the way round.
+    """
+
+    points: Array
+    triangles: NDArray[np.int64]
+    normals: Array
+    mean: Array
+    gaussian: Array
+    sides: tuple[Side, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class TrimmedFace:
     """What is known of a face that is less than all of its surface.
@@ -97,10 +129,13 @@ class TrimmedFace:
         From points, shape (n, 3), to their distances from the face, shape (n,), in mm: those of the kernel.
     area
         In mm^2.
+    facets
+        Divides it into triangles that the eye takes for it; None when nothing can.
     """
 
     distances: Callable[[Array], Array]
     area: float
+    facets: Callable[[], Facets] | None = None
 
 
 @dataclass(frozen=True, eq=False)

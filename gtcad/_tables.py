@@ -70,6 +70,9 @@ def print_diagnosis(diagnosis: Diagnosis) -> None:
         print("\nno CAD kernel: shapes, fits and proofs work, exchange files do not; to get a kernel, run:")
     else:
         print("\nthe kernel works: it made and checked a face")
+    for name, host in diagnosis.hosts.items():
+        if not host.error:
+            print(f"{name} works: it made and checked a GT face")
     for command in diagnosis.repair:
         print(f"    {command}")
 

@@ -13,18 +13,16 @@ shape of the protocol, which is fitted and proved like all others.
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gtcad.chebyshev import UNIT_ROUNDOFF
 from gtcad.composite import Composite
 from gtcad.curve import Curve
 from gtcad.errors import InputError
-from gtcad.factors import CurveOfTerms
+from gtcad.factors import CurveOfTerms, Hyperbolic
 from gtcad.protocol import SeparableCurve, affine
 from gtcad.restricted import Restricted
 
@@ -307,50 +305,6 @@ def hyperbola(center: ArrayLike, axis_a: ArrayLike, axis_b: ArrayLike, start: fl
         raise InputError(f"start and end must be two different numbers in [-16, 16], got {ends[0]} and {ends[1]}")
     factors = Hyperbolic(*ends)
     return CurveOfTerms(factors, [middle, factors.weight * half_a, factors.weight * half_b])
-
-
-@dataclass(frozen=True)
-class Hyperbolic:
-    """1, cosh(s) / w and sinh(s) / w of an s that runs linearly from ``start`` to ``end``.
-
-    w is the least power of 2 from the largest exp(|s|) on: coefficients are as large then as the shape.
-    """
-
-    start: float
-    end: float
-    count: int = 3
-
-    @property
-    def weight(self) -> float:
-        """The power of 2."""
-        return 2.0 ** math.ceil(self._largest / math.log(2))
-
-    @property
-    def key(self) -> Hashable:
-        """Equal for equal functions."""
-        return ("hyperbolic", self.start, self.end)
-
-    def rows(self, t: Array, order: int = 0) -> Array:
-        """Derivatives of the order at flat parameters, shape (3, t.size)."""
-        s = self.start * (1 - t) + self.end * t
-        functions = (np.cosh(s), np.sinh(s))  # each the derivative of the other
-        scale = (self.end - self.start) ** order / self.weight
-        constant = np.full(t.shape, 1.0 if order == 0 else 0.0)
-        return np.stack([constant, scale * functions[order % 2], scale * functions[(order + 1) % 2]])
-
-    def derivative_bound(self, order: int) -> float:
-        """Bound of the sum of the absolute values of the derivatives: cosh(s) + |sinh(s)| = exp(|s|)."""
-        largest = math.exp(self._largest) / self.weight
-        return (1.0 if order == 0 else 0.0) + abs(self.end - self.start) ** order * largest
-
-    @property
-    def rounding(self) -> float:
-        """Bound of the rounding errors: of s at most 4 units of the largest, and 16 units of each function."""
-        return (4 * self._largest + 16) * UNIT_ROUNDOFF
-
-    @property
-    def _largest(self) -> float:
-        return max(abs(self.start), abs(self.end))
 
 
 def _turn(start: float, end: float) -> float:

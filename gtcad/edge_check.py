@@ -18,19 +18,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from gtcad._jets import norm, space
-from gtcad.basis import Basis
+from gtcad._jets import norm
+from gtcad._sides import DerivableSurface, SeparableSide, Side, side_of
 from gtcad.chebyshev import UNIT_ROUNDOFF, interpolation_tail, lebesgue, maximum, nodes, transform
 from gtcad.continuity import MAX_ORDER, PARAMETRIC, Scale, Thresholds, chain_rule, highest_order, meets_order
 from gtcad.errors import InputError
-from gtcad.factors import KeyedFactors, RestrictedFactors, Stacked
-from gtcad.protocol import Factors, SeparableSurface, checked_side
+from gtcad.factors import KeyedFactors, Stacked
+from gtcad.protocol import SeparableSurface
 
 Array = NDArray[np.float64]
 Bounds = tuple[float, float]
@@ -42,21 +42,7 @@ _SAMPLES = 257
 _NEGLIGIBLE = 1e-17  # tail of a series, relative to its coefficients
 _MOST_NODES = 512
 _INVISIBLE = 1e-6  # of the inverse of the size: curvatures as small as this
-_END_UNITS = 20  # roundings in a derivative of a basis at its end, and in its product with the control points
 _ROWS_DIFFER = 1e-8  # relative difference of derivatives that is never a jump
-
-
-class DerivableSurface(Protocol):
-    """A surface, or a spline, with partial derivatives on a domain."""
-
-    @property
-    def domain(self) -> tuple[Bounds, Bounds]:
-        """First and last u, first and last v."""
-        ...
-
-    def derivative(self, u: ArrayLike, v: ArrayLike, orders: tuple[int, int] = (1, 0)) -> Array:
-        """Partial derivatives of the orders, (0, 0) the point, shape broadcast(u, v).shape + (d,)."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -168,13 +154,13 @@ def check_edge(
     >>> report.order, round(report.curvature * report.curvature_jump, 9)
     ('G1', 0.5)
     """
-    before = _side(a, side_a, outward=True)
-    after = _side(b, side_b, outward=False)
+    before = side_of(a, side_a, outward=True)
+    after = side_of(b, side_b, outward=False)
     if before.dimension != after.dimension:
         raise InputError(f"both patches must have one dimension, got {before.dimension} and {after.dimension}")
     y = np.linspace(0, 1, _SAMPLES)
     if reversed if reversed is not None else _runs_backwards(before, after, y):
-        after = _side(b, side_b, outward=False, backwards=True)
+        after = side_of(b, side_b, outward=False, backwards=True)
     bound = _proved if isinstance(before, SeparableSide) and isinstance(after, SeparableSide) else _sampled
     ends, starts = (np.array([one.derivative(y, (r, 0)) for r in range(MAX_ORDER + 1)]) for one in (before, after))
     size = max(before.size, after.size, float(np.finfo(float).tiny))
@@ -208,112 +194,7 @@ def check_edge(
     )
 
 
-@dataclass(frozen=True)
-class _Side:
-    """One side of a patch: x runs across it, out of the patch or into it, y along it, both over [0, 1]."""
-
-    surface: SeparableSurface | DerivableSurface
-    name: str
-    outward: bool
-    backwards: bool = False
-
-    def __post_init__(self) -> None:
-        checked_side(self.name)
-
-    @property
-    def domain(self) -> tuple[Bounds, Bounds]:
-        """Of the surface."""
-        return ((0.0, 1.0), (0.0, 1.0)) if isinstance(self.surface, SeparableSurface) else self.surface.domain
-
-    @property
-    def sign(self) -> float:
-        """Of the surface's own parameter across the edge, along x."""
-        return 1.0 if (self.name[1] == "1") == self.outward else -1.0
-
-    @cached_property
-    def dimension(self) -> int:
-        return int(self._own(np.zeros(1), (0, 0)).shape[-1])
-
-    @cached_property
-    def size(self) -> float:
-        """Of the whole patch, from samples."""
-        u, v = (np.linspace(*bounds, 9) for bounds in self.domain)
-        points = self.surface.derivative(u[:, None], v[None, :], (0, 0))
-        return float(np.ptp(points.reshape(-1, points.shape[-1]), axis=0).max())
-
-    def parameter(self, y: float) -> float:
-        """The surface's own parameter along the edge."""
-        start, end = self.domain[1 if self.name[0] == "u" else 0]
-        part = 1 - y if self.backwards else y
-        return float(start * (1 - part) + end * part)
-
-    def derivative(self, y: Array, orders: tuple[int, int]) -> Array:
-        """Partial derivatives of the orders (in x, in y) on the side, in space: shape (y.size, 3)."""
-        (u0, u1), (v0, v1) = self.domain
-        across, along = (u1 - u0, v1 - v0) if self.name[0] == "u" else (v1 - v0, u1 - u0)
-        factor = (self.sign * across) ** orders[0] * (-along if self.backwards else along) ** orders[1]
-        return np.asarray(factor * space(self._own(1 - y if self.backwards else y, orders)))
-
-    def _own(self, y: Array, orders: tuple[int, int]) -> Array:
-        (u0, u1), (v0, v1) = self.domain
-        last = self.name[1] == "1"
-        if self.name[0] == "u":
-            return self.surface.derivative(np.full(y.shape, u1 if last else u0), v0 * (1 - y) + v1 * y, orders)
-        place = np.full(y.shape, v1 if last else v0)
-        return self.surface.derivative(u0 * (1 - y) + u1 * y, place, (orders[1], orders[0]))
-
-
-@dataclass(frozen=True)
-class SeparableSide(_Side):
-    """One side of a shape of the protocol: derivatives by x are curves of the protocol."""
-
-    surface: SeparableSurface
-
-    @cached_property
-    def along(self) -> Factors:
-        """The functions of y."""
-        own = self.surface.factors_v if self.name[0] == "u" else self.surface.factors_u
-        return RestrictedFactors(own, 1.0, 0.0) if self.backwards else own
-
-    def coefficients(self, order: int) -> Array:
-        """Coefficients of the derivative by x over ``along``, shape (count, d)."""
-        row, points, _ = self._acting(order)
-        return np.asarray(np.tensordot(row, points, 1))
-
-    def rounding(self, order: int) -> float:
-        """Bound of the rounding errors of the curve of the coefficients."""
-        _, points, units = self._acting(order)
-        return units * float(norm(points).max()) * self.along.derivative_bound(0)
-
-    def _acting(self, order: int) -> tuple[Array, Array, float]:
-        """Derivatives of the functions across the side, the coefficients they act on, and the errors of their sum.
-
-        At the ends of a basis order + 1 functions act, their waves being 0 or 1; and as they sum to 1, their
-        derivatives act on differences of control points.
-        """
-        across, points = self.surface.factors_u, self.surface.coefficients
-        if self.name[0] == "v":
-            across, points = self.surface.factors_v, points.swapaxes(0, 1)
-        bound = across.derivative_bound(order)
-        row = across.rows(np.array([float(self.name[1])]), order)[:, 0] * self.sign**order
-        if not isinstance(across, Basis):
-            return row, points, bound * (across.rounding + (across.count + 2) * UNIT_ROUNDOFF)
-        acting = slice(order + 1) if self.name[1] == "0" else slice(-order - 1, None)
-        if order == 0:
-            return row[acting], points[acting], 0.0
-        return row[acting], (points - points[-int(self.name[1])])[acting], bound * _END_UNITS * UNIT_ROUNDOFF
-
-
-def _side(
-    surface: SeparableSurface | DerivableSurface, name: str, *, outward: bool, backwards: bool = False
-) -> _Side | SeparableSide:
-    kind = SeparableSide if isinstance(surface, SeparableSurface) else _Side
-    if not (kind is SeparableSide or (hasattr(surface, "derivative") and hasattr(surface, "domain"))):
-        raise InputError(f"a surface with a domain and derivatives is wanted, got {type(surface).__name__}")
-    return kind(surface, name, outward, backwards)  # type: ignore[arg-type]
-
-
-def _runs_backwards(before: _Side, after: _Side, y: Array) -> bool:
+def _runs_backwards(before: Side, after: Side, y: Array) -> bool:
     own, other = before.derivative(y, (0, 0)), after.derivative(y, (0, 0))
     return float(norm(own - other[::-1]).max()) < float(norm(own - other).max())
 
@@ -334,7 +215,7 @@ def _best_scale(ends: Array, starts: Array, least: float) -> Scale:
 
 
 def _relative_bounds(
-    before: _Side, after: _Side, bound: _Bound, ends: Array, starts: Array, scale: Scale, least: float
+    before: Side, after: Side, bound: _Bound, ends: Array, starts: Array, scale: Scale, least: float
 ) -> Figures:
     """Bounds of |T_k - ...| for k = 1..3, over the largest derivatives up to that order."""
     rules = chain_rule(scale, MAX_ORDER + 1)
@@ -349,10 +230,10 @@ def _relative_bounds(
 class _Bound(Protocol):
     """The largest |T_k - sum_r weights_r D_r|, k = len(weights) - 1, as (lower, upper), and where."""
 
-    def __call__(self, before: _Side, after: _Side, weights: Array, /) -> tuple[Bounds, float]: ...
+    def __call__(self, before: Side, after: Side, weights: Array, /) -> tuple[Bounds, float]: ...
 
 
-def _sampled(before: _Side, after: _Side, weights: Array) -> tuple[Bounds, float]:
+def _sampled(before: Side, after: Side, weights: Array) -> tuple[Bounds, float]:
     y, order = np.linspace(0, 1, _SAMPLES), len(weights) - 1
     wanted = sum(weight * before.derivative(y, (r, 0)) for r, weight in enumerate(weights))
     distances = norm(after.derivative(y, (order, 0)) - wanted)
@@ -360,7 +241,7 @@ def _sampled(before: _Side, after: _Side, weights: Array) -> tuple[Bounds, float
     return (float(distances[place]), float(distances[place])), float(y[place])
 
 
-def _proved(before: _Side, after: _Side, weights: Array) -> tuple[Bounds, float]:
+def _proved(before: Side, after: Side, weights: Array) -> tuple[Bounds, float]:
     assert isinstance(before, SeparableSide)
     assert isinstance(after, SeparableSide)
     order = len(weights) - 1
@@ -408,7 +289,7 @@ class _Bending:
     rate: Array
 
 
-def _bending(side: _Side, y: Array, size: float) -> _Bending:
+def _bending(side: Side, y: Array, size: float) -> _Bending:
     """With f_a = q_a^i S_i the orthonormal frame, H_ab = q_a^i q_b^j S_ij and f_0 across the edge: the curvatures are
     ``k_ab = H_ab . n``, and along the geodesic ``dk/ds = q_0^i q_0^j q_0^k S_ijk . n - 3 sum_a (H_00 . f_a) k_a0``.
     """  # noqa: D205

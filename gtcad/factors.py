@@ -126,6 +126,50 @@ class Waves:
         return (2 * 2 * (abs(self.start) + 2 * abs(self.sweep)) + 8) * UNIT_ROUNDOFF
 
 
+@dataclass(frozen=True)
+class Hyperbolic:
+    """1, cosh(s) / w and sinh(s) / w of an s that runs linearly from ``start`` to ``end``.
+
+    w is the least power of 2 from the largest exp(|s|) on: coefficients are as large then as the shape.
+    """
+
+    start: float
+    end: float
+    count: int = 3
+
+    @property
+    def weight(self) -> float:
+        """The power of 2."""
+        return 2.0 ** math.ceil(self._largest / math.log(2))
+
+    @property
+    def key(self) -> Hashable:
+        """Equal for equal functions."""
+        return ("hyperbolic", self.start, self.end)
+
+    def rows(self, t: Array, order: int = 0) -> Array:
+        """Derivatives of the order at flat parameters, shape (3, t.size)."""
+        s = self.start * (1 - t) + self.end * t
+        functions = (np.cosh(s), np.sinh(s))  # each the derivative of the other
+        scale = (self.end - self.start) ** order / self.weight
+        constant = np.full(t.shape, 1.0 if order == 0 else 0.0)
+        return np.stack([constant, scale * functions[order % 2], scale * functions[(order + 1) % 2]])
+
+    def derivative_bound(self, order: int) -> float:
+        """Bound of the sum of the absolute values of the derivatives: cosh(s) + |sinh(s)| = exp(|s|)."""
+        largest = math.exp(self._largest) / self.weight
+        return (1.0 if order == 0 else 0.0) + abs(self.end - self.start) ** order * largest
+
+    @property
+    def rounding(self) -> float:
+        """Bound of the rounding errors: of s at most 4 units of the largest, and 16 units of each function."""
+        return (4 * self._largest + 16) * UNIT_ROUNDOFF
+
+    @property
+    def _largest(self) -> float:
+        return max(abs(self.start), abs(self.end))
+
+
 class CurveOfTerms(SeparableCurve):
     """A curve given by its factors and coefficients.
 

@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gtcad._jets import norm
+from gtcad._sides import DerivableSurface, SeparableSide
 from gtcad.basis import GT, Basis, Family, checked_gamma
 from gtcad.continuity import PARAMETRIC, Scale, Start, chain_rule, parsed_order, speed_bounds
-from gtcad.edge_check import SINGULAR, DerivableSurface, EdgeReport, SeparableSide, check_edge
+from gtcad.edge_check import SINGULAR, EdgeReport, check_edge
 from gtcad.errors import InputError, SingularJoin
 from gtcad.protocol import SeparableSurface
 from gtcad.surface import Surface

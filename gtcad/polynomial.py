@@ -249,8 +249,13 @@ class Spanned:
         """The product with numbers."""
         return self._product(other, self.values * other.values)
 
+    def __add__(self, other: Spanned) -> Spanned:
+        return self._sum(other, self.values + other.values)
+
     def __sub__(self, other: Spanned) -> Spanned:
-        values = self.values - other.values
+        return self._sum(other, self.values - other.values)
+
+    def _sum(self, other: Spanned, values: Array) -> Spanned:
         rounding = self.rounding + other.rounding + UNIT_ROUNDOFF * np.linalg.norm(values, axis=2)
         return Spanned(values, self.taylor + other.taylor, rounding)
 

@@ -13,11 +13,12 @@ from scipy.special import ellipe, ellipeinc
 
 from gtcad import Composite, Curve
 from gtcad.chebyshev import interpolation_tail, nodes, transform
-from gtcad.conics import Arc, Hyperbolic, arc, arc_through, circle, ellipse, hyperbola, parabola
+from gtcad.conics import Arc, arc, arc_through, circle, ellipse, hyperbola, parabola
 from gtcad.continuity import check_join
 from gtcad.converters import fit_curve
 from gtcad.differential import curvature
 from gtcad.errors import InputError
+from gtcad.factors import Hyperbolic
 from gtcad.measure import length
 from gtcad.restricted import RestrictedCurve
 

@@ -9,11 +9,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from gtcad import BERNSTEIN, GT, Curve, Restricted, Surface, differential
+from gtcad._sides import SeparableSide
 from gtcad.basis import Basis
 from gtcad.continuity import Start, Thresholds, check_join, join_curve
 from gtcad.converters import fit_surface
 from gtcad.converters.bspline import BSplineSurface
-from gtcad.edge_check import SeparableSide
 from gtcad.errors import InputError, SingularJoin
 from gtcad.factors import SurfaceOfTerms, Waves
 from gtcad.patch_joins import check_edge, join_patch, join_patch_nearest, joined_sheet

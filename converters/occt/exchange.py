@@ -25,6 +25,7 @@ from gtcad.converters.occt.entities import (
     with_styles,
 )
 from gtcad.converters.occt.faces import area, distances_to, volume
+from gtcad.converters.occt.facets import facets
 from gtcad.converters.occt.geometry import halves, is_full_ellipse
 from gtcad.converters.occt.originals import Spline, iges_originals, protect, restored, step_originals
 from gtcad.converters.occt.pieces import (
@@ -420,6 +421,6 @@ def _part(path: str, i: int, item: Item, body: BodyFacts | None) -> Part:
         trimmed=trimmed,
         reversed=item.shape.Orientation() == _TopAbs.TopAbs_REVERSED,
         valid=valid,
-        face=TrimmedFace(distances_to(item.shape), area(item.shape)) if trimmed else None,
+        face=TrimmedFace(distances_to(item.shape), area(item.shape), partial(facets, item.shape)) if trimmed else None,
         body=body,
     )

@@ -135,7 +135,7 @@ def _transported(local: _Spine, start_normal: Vector | None) -> list[tuple[Polyn
         rows = slice(3 * k, 3 * k + 3)
         vector = Polynomials(whole[rows])
         off = float(np.linalg.norm(vector.rows(np.zeros(1))[:, 0] - start)) + vector.rounding + error
-        off += _proved(partial(_transport_error, local, vector))
+        off += proved_bound(partial(_transport_error, local, vector))
         left_out = float(np.linalg.norm(whole[rows, kept.shape[1] :], axis=0).sum())
         found.append((Polynomials(kept[rows]), off + left_out))
     return found
@@ -144,7 +144,7 @@ def _transported(local: _Spine, start_normal: Vector | None) -> list[tuple[Polyn
 def _direction(local: _Spine, axis: str) -> tuple[Polynomials, float]:
     """A vector of the Frenet frame, and its proved error."""
     vector = Polynomials(_resolved(local, partial(_directions, local, axis))[1])
-    return vector, _proved(partial(_direction_error, local, axis, vector))
+    return vector, proved_bound(partial(_direction_error, local, axis, vector))
 
 
 def _side_by_side(vectors: list[Polynomials]) -> Polynomials:
@@ -230,7 +230,7 @@ def _directions(local: _Spine, axis: str, count: int) -> Array:
     return np.asarray((transform(count) @ (field / np.linalg.norm(field, axis=1, keepdims=True))).T)
 
 
-def _proved(bound_with: Callable[[int], float]) -> float:
+def proved_bound(bound_with: Callable[[int], float]) -> float:
     """A bound on so many spans that more of them would not halve it."""
     best = math.inf
     for spans in _SPANS:
