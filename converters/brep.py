@@ -75,11 +75,23 @@ def read_brep(path: str | os.PathLike[str]) -> list[Part]:
     A file is refused when it ends too early or its tables are incomplete. The kernel hangs on some files in which
     numbers are missing or wrong inside the tables.
     """
+    data = brep_data(path)
+    return exchange.parts_of(str(path), "BREP", lambda: exchange.brep_items(data))
+
+
+def brep_data(path: str | os.PathLike[str]) -> bytes:
+    """All of a file with the frame of a BREP file.
+
+    Raises
+    ------
+    FileError
+        When there is no such file, or it has not.
+    """
     data = exchange.file_bytes(path)
     reason = _complaint(data)
     if reason:
         raise FileError(str(path), f"is not a readable BREP file: {reason}")
-    return exchange.parts_of(str(path), "BREP", lambda: exchange.brep_items(data))
+    return data
 
 
 def _complaint(data: bytes) -> str:

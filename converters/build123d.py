@@ -39,12 +39,8 @@ from gtcad.converters.build123d_lines import (
     labelled,
 )
 from gtcad.converters.design import Design
-from gtcad.converters.host_designs import (
-    DEFAULT_TOLERANCE,
-    FaceDesign,
-    design_from_edge,
-    design_from_face,
-)
+from gtcad.converters.face_designs import FaceDesign, design_from_face
+from gtcad.converters.host_designs import DEFAULT_TOLERANCE, design_from_edge
 from gtcad.converters.hosts import Core, Made, made_edge, made_face, made_shell, made_solid, made_wire
 from gtcad.errors import ExtraMissing
 from gtcad.model import Model

@@ -22,11 +22,8 @@ from gtcad.converters.build123d_lines import (
     patch_of,
 )
 from gtcad.converters.fit import Degree
-from gtcad.converters.host_designs import (
-    DEFAULT_DEGREE,
-    DEFAULT_TOLERANCE,
-    patch_on_face,
-)
+from gtcad.converters.host_designs import DEFAULT_DEGREE, DEFAULT_TOLERANCE
+from gtcad.converters.host_joins import patch_on_face
 from gtcad.converters.hosts import Made, made_face, made_solid, made_wire
 from gtcad.edge_check import EdgeReport
 from gtcad.errors import InputError

@@ -12,7 +12,8 @@ from gtcad.composite import Composite
 from gtcad.conics import Arc, hyperbola, parabola
 from gtcad.continuity import Scale
 from gtcad.converters.fit import Degree
-from gtcad.converters.host_designs import DEFAULT_DEGREE, DEFAULT_TOLERANCE, curve_on_edge
+from gtcad.converters.host_designs import DEFAULT_DEGREE, DEFAULT_TOLERANCE
+from gtcad.converters.host_joins import curve_on_edge
 from gtcad.converters.hosts import AnyFit, Made, made_edge, made_wire
 from gtcad.curve import Curve
 from gtcad.errors import ExtraMissing, InputError

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from gtcad.basis import BERNSTEIN, GT
 from gtcad.composite import Composite
+from gtcad.conics import Arc
 from gtcad.continuity import Scale, parsed_order
 from gtcad.converters import hosts
 from gtcad.converters.cadquery_shapes import (
@@ -101,6 +102,8 @@ def from_edge(
 ) -> GtEdge | GtWire:
     """The GT curve nearest to an edge, or a chain of them where one is not enough, within a tolerance of the edge.
 
+    Lines, circles, ellipses and their arcs come out exactly, unless a degree is given.
+
     Parameters
     ----------
     edge
@@ -118,7 +121,8 @@ def from_edge(
         Its ``exact`` is the design, and its ``design`` says how far that is from the edge.
     """
     design = hosts.design_from_edge(edge, tolerance=tolerance / 2, degree=degree, order=order)
-    make = gtChain if isinstance(design.curve, Composite) else gtCurve
+    one = not isinstance(design.curve, Composite) or isinstance(design.curve, Arc)
+    make = gtCurve if one else gtChain
     made: GtEdge | GtWire = make(design.curve, tolerance=tolerance / 2)
     made.design = design
     return made
@@ -256,8 +260,8 @@ def from_face(
     tolerance: float = hosts.DEFAULT_TOLERANCE,
     maxDegree: int = 16,
     untrimmed: bool = False,
-) -> GtFace:
-    """The GT patch of least degrees within a tolerance of a face.
+) -> GtFace | GtShell:
+    """The GT patch of least degrees within a tolerance of a face, or a shell of patches where one is not enough.
 
     Parameters
     ----------
@@ -270,11 +274,15 @@ def from_face(
 
     Returns
     -------
-    GtFace
+    GtFace or GtShell
         Its ``exact`` is the design, and its ``design`` says how far that is from the face.
     """
     design = hosts.design_from_face(face, tolerance=tolerance / 2, max_degree=maxDegree, untrimmed=untrimmed)
-    made = gtSurface(design.surface, tolerance=tolerance / 2)
+    made: GtFace | GtShell
+    if isinstance(design.surface, Quilt):
+        made = gtShell(design.surface, tolerance=tolerance / 2)
+    else:
+        made = gtSurface(design.surface, tolerance=tolerance / 2)
     made.design = design
     return made
 

@@ -16,7 +16,9 @@ from gtcad.continuity import Derivable, JoinReport, check_join
 from gtcad.converters.bspline import BSplineCurve
 from gtcad.converters.certificate import certify_curve, deciding
 from gtcad.converters.chain import as_curve, joint_knots, parts_of, runs_of
-from gtcad.converters.part import EllipseArc, Part
+from gtcad.converters.figures import Piece, figure_of, figure_of_part
+from gtcad.converters.part import EllipseArc, ends_of
+from gtcad.converters.spline_difference import part_of_curve
 from gtcad.converters.verdicts import Row, compared
 from gtcad.errors import InputError
 from gtcad.protocol import SeparableCurve
@@ -27,6 +29,9 @@ Array = NDArray[np.float64]
 _GUESS = np.linspace(0.0, 1.0, 17)
 _NEAR = 0.05  # of the largest piece: when edges are too few or too many, one this near stands for a piece, good or bad
 _APART = 1e100  # what stands for an infinite gap
+_ON = 4.0  # tolerances: a point that near lies on an edge
+_KNOT = 1e-6  # of the domain: a place that near to a knot is it
+_UNITS = 1e-14  # rounding of the ends of a part of an arc, of its size
 
 
 @dataclass(frozen=True)
@@ -57,16 +62,30 @@ class Joint:
 class _Held:
     """An edge with the pieces that it stands for, in the edge's direction; their numbers are in the chain's."""
 
-    part: Part
+    piece: Piece
     edge: BSplineCurve | EllipseArc
     pieces: tuple[SeparableCurve, ...]
     run: range
     backwards: bool
 
 
+@dataclass(frozen=True)
+class _Checked:
+    """What was found of a chain in one way to look at it."""
+
+    rows: list[Row]
+    joints: list[Joint]
+    used: set[int]
+
+    @property
+    def bad(self) -> int:
+        """How many rows are neither proved nor estimated."""
+        return sum(row.verdict not in ("proved", "estimated") for row in self.rows)
+
+
 def check_chain(
-    name: str, chain: Composite, parts: Sequence[Part], tolerance: float
-) -> tuple[list[Row], list[Joint], list[Part]]:
+    name: str, chain: Composite, held: Sequence[Piece], tolerance: float
+) -> tuple[list[Row], list[Joint], list[Piece]]:
     """Hold the edges that a file has for a chain against its pieces.
 
     Parameters
@@ -75,71 +94,91 @@ def check_chain(
         Of the chain: its pieces and joints are called after it.
     chain
         In space, in mm.
-    parts
-        The edges, each for a piece, for pieces joined C1 to C3, for as many pieces as the others, or one for all; in
-        any order and direction.
+    held
+        Edges, in any order and direction.
     tolerance
         In mm.
 
     Returns
     -------
     rows, joints, extra
-        A row for each piece, or one for the chain when the edges do not correspond to its pieces; the joints between
-        pieces that the file has; the edges that stand for no piece.
+        One row for each piece, or one for the chain when it has no edges at all; a joint for each pair of pieces that
+        the file has; the edges that stand for no piece.
+
+    Notes
+    -----
+    Edges that stand for one or several whole pieces are held against these. Where they do not, they are cut where the
+    pieces meet, and each part is held against the piece that it lies along.
     """
-    names = [f"{name} #{k + 1}" for k in range(len(chain.pieces))]
-    if not parts:
-        return [Row(name, "missing")], [], []
-    if not all(isinstance(part.geometry, BSplineCurve | EllipseArc) for part in parts):
-        return [Row(name, "missing", remark="the file holds a face of this name, not an edge")], [], []
-    if not all(part.valid for part in parts):
-        return [Row(name, "invalid", remark="the kernel calls an edge of it invalid")], [], []
-    held = _held(chain, parts)
     if not held:
-        remark = f"the file holds {len(parts)} edges for {len(names)} pieces, which do not correspond"
-        return [Row(name, "undecided", remark=remark)], [], []
-    rows = {k: row for one in held for k, row in _rows(one, names, tolerance)}
-    ends = {k: curve for one in held for k, curve in zip(one.run, _derivables(one), strict=True)}
+        return [Row(name, "missing")], [], []
+    if not all(piece.figure.variables == 1 for piece in held):
+        return [Row(name, "missing", remark="the file holds a face of this name, not an edge")], [], []
+    if not all(piece.part.valid for piece in held):
+        return [Row(name, "invalid", remark="the kernel calls an edge of it invalid")], [], []
+    names = [f"{name} #{k + 1}" for k in range(len(chain.pieces))]
+    found = _by_correspondence(name, names, chain, held, tolerance)
+    if found is None or found.bad:
+        other = _by_place(name, names, chain, held, tolerance)
+        found = other if found is None or other.bad < found.bad else found
+    return found.rows, found.joints, [piece for piece in held if piece.index not in found.used]
+
+
+# --- edges of whole pieces --------------------------------------------------------------------------------------------
+
+
+def _by_correspondence(
+    name: str, names: Sequence[str], chain: Composite, held: Sequence[Piece], tolerance: float
+) -> _Checked | None:
+    found = _runs_held(chain, held)
+    if not found:
+        return None
+    rows = {k: row for one in found for k, row in _rows(one, names, tolerance)}
+    ends = {k: curve for one in found for k, curve in zip(one.run, _derivables(one), strict=True)}
     joints = []
     for k, wanted in enumerate(chain.orders):
         following = (k + 1) % len(names)
         if k in ends and following in ends:
-            joints.append(Joint(f"{name} #{k + 1}-#{following + 1}", wanted, check_join(ends[k], ends[following])))
-    used = {id(one.part) for one in held}
-    extra = [part for part in parts if id(part) not in used]
-    return [rows.get(k, Row(name, "missing")) for k, name in enumerate(names)], joints, extra
+            joints.append(Joint(_joint_name(name, k, following), wanted, check_join(ends[k], ends[following])))
+    every = [rows.get(k, Row(one, "missing")) for k, one in enumerate(names)]
+    return _Checked(every, joints, {one.piece.index for one in found})
 
 
-def _held(chain: Composite, parts: Sequence[Part]) -> list[_Held]:
+def _joint_name(name: str, k: int, following: int) -> str:
+    return f"{name} #{k + 1}-#{following + 1}"
+
+
+def _runs_held(chain: Composite, held: Sequence[Piece]) -> list[_Held]:
     """Runs of pieces with the edges that are nearest to them; none when there is no such correspondence."""
-    count, size = len(chain.pieces), -(-len(chain.pieces) // len(parts))
+    count, size = len(chain.pieces), -(-len(chain.pieces) // len(held))
     even = tuple(range(k, min(k + size, count)) for k in range(0, count, size))
     for runs in (runs_of(chain), even):
-        if len(runs) == len(parts) and len(found := _matched(chain, runs, parts, math.inf)) == len(runs):
+        if len(runs) == len(held) and len(found := _matched(chain, runs, held, math.inf)) == len(runs):
             return found
     extent = max(float(np.ptp(piece.coefficients, axis=0).max()) for piece in chain.pieces)
     runs = runs_of(chain)  # too few edges, or too many
-    found = _matched(chain, runs, parts, _NEAR * extent)
-    return found if len(found) == min(len(runs), len(parts)) else []
+    found = _matched(chain, runs, held, _NEAR * extent)
+    return found if len(found) == min(len(runs), len(held)) else []
 
 
-def _matched(chain: Composite, runs: Sequence[range], parts: Sequence[Part], farthest: float) -> list[_Held]:
+def _matched(chain: Composite, runs: Sequence[range], held: Sequence[Piece], farthest: float) -> list[_Held]:
     """The assignment of edges to runs of the least sum of gaps, those below a limit."""
     from scipy.optimize import linear_sum_assignment
 
-    best = [[min(_ways(chain, run, part), key=lambda way: way[0]) for part in parts] for run in runs]
+    best = [[min(_ways(chain, run, piece), key=lambda way: way[0]) for piece in held] for run in runs]
     gaps = np.array([[gap for gap, _ in row] for row in best])
     pairs = zip(*linear_sum_assignment(np.minimum(gaps, _APART)), strict=True)
-    return [best[run][part][1] for run, part in pairs if gaps[run, part] < farthest]
+    return [best[run][piece][1] for run, piece in pairs if gaps[run, piece] < farthest]
 
 
-def _ways(chain: Composite, run: range, part: Part) -> Iterator[tuple[float, _Held]]:
+def _ways(chain: Composite, run: range, piece: Piece) -> Iterator[tuple[float, _Held]]:
     """The edge along the pieces, and against them, with the gaps."""
-    assert isinstance(part.geometry, BSplineCurve | EllipseArc)
+    edge = piece.part.geometry
+    assert isinstance(edge, BSplineCurve | EllipseArc)
     along = tuple(chain.pieces[k] for k in run)
-    against = tuple(RestrictedCurve(piece, (1.0, 0.0)) for piece in reversed(along))
+    against = tuple(RestrictedCurve(one, (1.0, 0.0)) for one in reversed(along))
     for pieces in (along, against):
-        held = _Held(part, part.geometry, pieces, run, pieces is against)
+        held = _Held(piece, edge, pieces, run, pieces is against)
         yield _gap(held), held
 
 
@@ -162,36 +201,135 @@ def _rows(held: _Held, names: Sequence[str], tolerance: float) -> Iterator[tuple
     """The number and the verdict of each piece."""
     numbers = tuple(reversed(held.run)) if held.backwards else tuple(held.run)
     parts = parts_of(held.edge, held.pieces)
-    if len(numbers) == 1 or not isinstance(held.edge, BSplineCurve):
-        for k, piece, part in zip(numbers, held.pieces, parts, strict=True):
-            yield k, compared(names[k], piece, replace(held.part, geometry=part), tolerance)
-        return
-    windows = pairwise(joint_knots(held.edge, len(numbers)))
+    rounding = _rounding(held.edge) if len(numbers) > 1 else 0.0
+    windows: Sequence[tuple[int, int] | None] = [None] * len(numbers)
+    if len(numbers) > 1 and isinstance(held.edge, BSplineCurve):
+        windows = list(pairwise(joint_knots(held.edge, len(numbers))))
     for k, piece, part, window in zip(numbers, held.pieces, parts, windows, strict=True):
-        proof = deciding(partial(certify_curve, piece, held.edge, window=window), tolerance)
-        if proof.upper <= tolerance:
-            yield k, Row(names[k], "proved", (proof.lower, proof.upper), "equal parameters")
-        else:
-            row = compared(names[k], piece, replace(held.part, geometry=part), tolerance)
-            yield k, replace(row, verdict="estimated") if row.verdict == "proved" else row  # of a part with rounding
+        edge = replace(figure_of_part(replace(held.piece.part, geometry=part)), rounding=rounding)
+        row = compared(names[k], figure_of(piece), [edge], tolerance)
+        if window is not None and isinstance(held.edge, BSplineCurve):  # without the rounding of cutting
+            proof = deciding(partial(certify_curve, piece, held.edge, window=window), tolerance)
+            if proof.upper <= tolerance:
+                row = replace(row, verdict="proved", deviation=(proof.lower, proof.upper), method="equal parameters")
+        yield k, replace(_turned(row) if held.backwards else row, face=(held.piece.index,))
+
+
+def _rounding(edge: BSplineCurve | EllipseArc) -> float:
+    """Of the parts of an edge, in mm."""
+    if isinstance(edge, EllipseArc):
+        return _UNITS * float(np.abs(ends_of(edge)).max() + np.linalg.norm(edge.axis_a) + np.linalg.norm(edge.axis_b))
+    first, last = edge.domain
+    return part_of_curve(edge, (first, (first + last) / 2))[1]
+
+
+def _turned(row: Row) -> Row:
+    """The row of a piece that was looked at from its other end, its worst place in the piece's own parameter."""
+    if row.worst is None:
+        return row
+    return replace(row, worst=replace(row.worst, parameters=(1.0 - row.worst.parameters[0],)))
 
 
 @dataclass(frozen=True)
-class _Backwards:
-    """A curve from its other end."""
+class _Unit:
+    """A curve over [0, 1], perhaps from its other end."""
 
     curve: Derivable
+    backwards: bool = False
 
     @property
     def domain(self) -> tuple[float, float]:
-        return self.curve.domain
+        return 0.0, 1.0
 
     def derivative(self, t: ArrayLike, order: int = 1) -> Array:
-        first, last = self.domain
-        return (-1.0) ** order * self.curve.derivative(first + last - np.asarray(t, dtype=np.float64), order)
+        first, last = self.curve.domain[::-1] if self.backwards else self.curve.domain
+        t = np.asarray(t, dtype=np.float64)
+        return (last - first) ** order * self.curve.derivative(first * (1 - t) + last * t, order)
 
 
 def _derivables(held: _Held) -> list[Derivable]:
     """What the edge holds of each piece, in the direction of the chain."""
-    parts = [as_curve(part) for part in parts_of(held.edge, held.pieces)]
-    return [_Backwards(part) for part in reversed(parts)] if held.backwards else parts
+    parts: list[Derivable] = [_Unit(as_curve(part), held.backwards) for part in parts_of(held.edge, held.pieces)]
+    return parts[::-1] if held.backwards else parts
+
+
+# --- edges of anything ------------------------------------------------------------------------------------------------
+
+
+def _by_place(
+    name: str, names: Sequence[str], chain: Composite, held: Sequence[Piece], tolerance: float
+) -> _Checked:
+    """Every edge cut where pieces meet, and its parts held against the pieces that they lie along."""
+    figures = [figure_of(piece) for piece in chain.pieces]
+    meeting = [chain.pieces[k].evaluate(1.0) for k in range(len(chain.orders))]
+    groups: list[list[Piece]] = [[] for _ in figures]
+    for piece in held:
+        for part in _cut(piece, meeting, tolerance):
+            gaps = [figure.nearest(part.figure.marks, enough=tolerance / 4).distances.max() for figure in figures]
+            groups[int(np.argmin(gaps))].append(part)
+    rows = []
+    for one, figure, group in zip(names, figures, groups, strict=True):
+        if not group:
+            rows.append(Row(one, "missing"))
+            continue
+        row = compared(one, figure, [part.figure for part in group], tolerance)
+        rows.append(replace(row, face=tuple(dict.fromkeys(part.index for part in group))))
+    joints = []
+    for k, wanted in enumerate(chain.orders):
+        following = (k + 1) % len(names)
+        before, after = (_ending(groups[i], meeting[k], tolerance) for i in (k, following))
+        if before is not None and after is not None:
+            report = check_join(_Unit(before.curve, not before.backwards), after)
+            joints.append(Joint(_joint_name(name, k, following), f"G{wanted[1]}", report))
+    return _Checked(rows, joints, {piece.index for piece in held})
+
+
+def _cut(piece: Piece, points: Sequence[Array], tolerance: float) -> Iterator[Piece]:
+    """The parts of an edge between those points that lie on it, away from its ends."""
+    edge = piece.part.geometry
+    assert isinstance(edge, BSplineCurve | EllipseArc)
+    places = [0.0, 1.0]
+    if points:
+        found = piece.figure.nearest(np.array(points))
+        for x, far in zip(found.places[:, 0].tolist(), found.distances.tolist(), strict=True):
+            apart = np.abs(piece.figure.points.evaluate(np.array([[x]])) - ends_of(edge)).max(axis=1).min()
+            if far <= _ON * tolerance and apart > _ON * tolerance:
+                places.append(_at_knot(edge, x))
+    places = sorted(set(places))
+    if len(places) == 2:
+        yield piece
+        return
+    for a, b in pairwise(places):
+        part, rounding = _part(edge, a, b)
+        held = replace(piece.part, geometry=part)
+        yield Piece(piece.index, held, replace(figure_of_part(held), rounding=rounding))
+
+
+def _at_knot(edge: BSplineCurve | EllipseArc, x: float) -> float:
+    """The knot that a place is but for rounding, or the place."""
+    if isinstance(edge, EllipseArc):
+        return x
+    knots = (edge.knots - edge.knots[0]) / (edge.knots[-1] - edge.knots[0])
+    nearest = float(knots[np.abs(knots - x).argmin()])
+    return nearest if abs(nearest - x) <= _KNOT else x
+
+
+def _part(edge: BSplineCurve | EllipseArc, a: float, b: float) -> tuple[BSplineCurve | EllipseArc, float]:
+    if isinstance(edge, EllipseArc):
+        ends = (edge.start * (1 - x) + edge.end * x for x in (a, b))
+        return EllipseArc(edge.center, edge.axis_a, edge.axis_b, *ends), _rounding(edge)
+    first, last = edge.domain
+    nearest = [float(edge.knots[np.abs(edge.knots - (first * (1 - x) + last * x)).argmin()]) for x in (a, b)]
+    exact = [first * (1 - x) + last * x for x in (a, b)]
+    ends = [n if abs(n - e) <= _KNOT * (last - first) / 2 else e for n, e in zip(nearest, exact, strict=True)]
+    return part_of_curve(edge, (ends[0], ends[1]))
+
+
+def _ending(group: Sequence[Piece], point: Array, tolerance: float) -> _Unit | None:
+    """The part that begins or ends at a point, so that it begins there."""
+    for part in group:
+        assert isinstance(part.part.geometry, BSplineCurve | EllipseArc)
+        gaps = np.linalg.norm(ends_of(part.part.geometry) - point, axis=1)
+        if gaps.min() <= _ON * tolerance:
+            return _Unit(as_curve(part.part.geometry), backwards=bool(gaps[1] < gaps[0]))
+    return None

@@ -323,7 +323,8 @@ _NET = [[[0, 0, 0], [0, 1, 1], [0, 2, 0]], [[1, 0, 1], [1, 1, 2], [1, 2, 1]], [[
 
 
 def _make_build123d_face() -> None:
-    from gtcad.converters.build123d import GTSurface, host
+    from gtcad.converters.build123d import GTSurface
+    from gtcad.converters.build123d_lines import host
 
     face = GTSurface(_NET)
     _check_face(isinstance(face, host.Face) and face.is_valid, face.area)

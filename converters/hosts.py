@@ -13,25 +13,22 @@ import numpy as np
 from gtcad.composite import Composite
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
 from gtcad.converters.chain import ChainFit, fit_chain
+from gtcad.converters.face_designs import FaceDesign, design_from_face
 from gtcad.converters.fit import Degree, Fit, fit_curve, fit_surface
 from gtcad.converters.host_designs import (
     DEFAULT_DEGREE,
     DEFAULT_TOLERANCE,
-    FaceDesign,
-    FaceJoin,
     HostCurve,
     core_of_edge,
     core_of_face,
-    curve_on_edge,
     design_from_edge,
-    design_from_face,
-    patch_on_face,
 )
+from gtcad.converters.host_joins import FaceJoin, curve_on_edge, patch_on_face
+from gtcad.converters.outlines import plane_face, straightened, wire_of, with_exact_edges
 from gtcad.converters.part import EllipseArc, Wire
 from gtcad.converters.quadrics import Quadric
 from gtcad.converters.quilt_fit import QuiltFit, fit_quilt
 from gtcad.converters.solid import Body, solid_of, thicken
-from gtcad.curve import Curve
 from gtcad.errors import InputError
 from gtcad.protocol import SeparableCurve, SeparableSurface, Shape
 from gtcad.quilt import Quilt
@@ -215,7 +212,7 @@ def made_edge(
     if isinstance(geometry, Wire):
         raise InputError(f"this chain has {len(geometry.edges)} edges, not one: make a wire of it")
     assert isinstance(geometry, BSplineCurve | EllipseArc)
-    return Made(_straightened(make_edge(geometry), geometry), curve, fit, fit.deviation)
+    return Made(straightened(make_edge(geometry), geometry), curve, fit, fit.deviation)
 
 
 def made_wire(
@@ -227,6 +224,9 @@ def made_wire(
 ) -> Made[SeparableCurve | Composite]:
     """The wire of a chain, its edges sharing their vertices; or of one curve.
 
+    Straight pieces are lines and arcs arcs, unless ``exact`` is False or they share a spline with others, joined C1 to
+    C3.
+
     Raises
     ------
     InputError, ToleranceBelowPrecision, ToleranceNotMet, KernelError
@@ -235,9 +235,10 @@ def made_wire(
     _check_kind(curve, "curve", SeparableCurve, Composite)
     geometry, fit = choose_geometry(curve, tolerance=tolerance, degree=degree, **settings)
     if isinstance(fit, ChainFit):
-        return Made(_wire(_with_lines(fit)), curve, fit, fit.deviation)
+        fit = with_exact_edges(fit, tolerance) if settings.get("exact", True) else fit
+        return Made(wire_of(Wire(fit.edges)), curve, fit, fit.deviation)
     assert isinstance(geometry, BSplineCurve | EllipseArc)
-    return Made(_wire(Wire((geometry,))), curve, fit, fit.deviation)
+    return Made(wire_of(Wire((geometry,))), curve, fit, fit.deviation)
 
 
 def made_face(
@@ -271,7 +272,7 @@ def made_face(
         shape = as_face(make_quadric_face(geometry))
     else:
         assert isinstance(geometry, BSplineSurface)
-        shape = _plane_face(geometry) if geometry.dimension == 2 else make_face(geometry)
+        shape = plane_face(geometry) if geometry.dimension == 2 else make_face(geometry)
     return Made(shape, surface, fit, fit.deviation)
 
 
@@ -329,66 +330,3 @@ def _check_kind(shape: object, name: str, *kinds: type) -> None:
     if not isinstance(shape, kinds):
         allowed = " or ".join(kind.__name__ for kind in kinds)
         raise InputError(f"{name} must be a {allowed} of gtcad, got {type(shape).__name__}")
-
-
-def _straightened(edge: Any, curve: BSplineCurve | EllipseArc) -> Any:
-    """The edge of a line as one on a Geom_Line: what hosts extrude from it is a plane then."""
-    from gtcad.converters.occt.compat import kernel_guard, kernel_module, point
-    from gtcad.converters.occt.topology import TOLERANCE, checked, edge_between
-
-    if isinstance(curve, EllipseArc) or curve.degree != 1 or len(curve.control_points) != 2:
-        return edge
-    start, end = np.pad(curve.control_points, ((0, 0), (0, 3 - curve.dimension)))
-    length = float(np.linalg.norm(end - start))
-    ends = kernel_module("TopExp").TopExp
-    with kernel_guard("making a line"):
-        direction = kernel_module("gp").gp_Dir(*((end - start) / length).tolist())
-        line = kernel_module("Geom").Geom_Line(point(start), direction)
-        vertices = ends.FirstVertex_s(edge), ends.LastVertex_s(edge)
-        return checked(edge_between(line, *vertices, (0.0, length), TOLERANCE), "edge")
-
-
-def _wire(wire: Wire) -> Any:
-    from gtcad.converters.occt.compat import as_edge, kernel_module
-    from gtcad.converters.occt.pieces import subshapes
-    from gtcad.converters.occt.topology import checked, make_wire
-
-    first = make_wire(wire)
-    builder, result = kernel_module("BRep").BRep_Builder(), kernel_module("TopoDS").TopoDS_Wire()
-    builder.MakeWire(result)
-    for edge, curve in zip(subshapes(first, "EDGE"), wire.edges, strict=True):
-        builder.Add(result, _straightened(as_edge(edge), curve))
-    result.Closed(first.Closed())
-    return checked(result, "wire")
-
-
-def _with_lines(fit: ChainFit) -> Wire:
-    """The edges of a chain, those of straight pieces as lines: these are no farther off than the splines' ends."""
-    pieces = [fit.chain.pieces[run.start] if len(run) == 1 else None for run in fit.runs]
-    return Wire(tuple(map(_as_line, fit.edges, pieces)))
-
-
-def _as_line(edge: BSplineCurve | EllipseArc, piece: SeparableCurve | None) -> BSplineCurve | EllipseArc:
-    if isinstance(edge, BSplineCurve) and isinstance(piece, Curve) and piece.degree == 1:
-        return BSplineCurve(edge.control_points[[0, -1]], [0.0, 1.0], [2, 2], 1)
-    return edge
-
-
-def _plane_face(surface: BSplineSurface) -> Any:
-    """The face of the plane z = 0 inside the four sides of a patch; sides that are points are left out."""
-    from gtcad.converters.occt.compat import kernel_guard, kernel_module
-    from gtcad.converters.occt.topology import checked
-
-    sides = [(surface.boundary(side), side in ("v1", "u0")) for side in ("v0", "u1", "v1", "u0")]
-    loop = [_backwards(curve) if turn else curve for curve, turn in sides if np.ptp(curve.control_points, axis=0).any()]
-    gp = kernel_module("gp")
-    with kernel_guard("making a plane face"):
-        plane = gp.gp_Pln(gp.gp_Pnt(0.0, 0.0, 0.0), gp.gp_Dir(0.0, 0.0, 1.0))
-        made = kernel_module("BRepBuilderAPI").BRepBuilderAPI_MakeFace(plane, _wire(Wire(tuple(loop))), True)
-        return checked(made.Face(), "face")
-
-
-def _backwards(curve: BSplineCurve) -> BSplineCurve:
-    knots = (curve.knots[0] + curve.knots[-1] - curve.knots)[::-1]
-    weights = None if curve.weights is None else curve.weights[::-1]
-    return BSplineCurve(curve.control_points[::-1], knots, curve.multiplicities[::-1], curve.degree, weights)

@@ -74,8 +74,21 @@ def read_iges(path: str | os.PathLike[str]) -> list[Part]:
     read or convert one of its entities. That is not all that can be wrong: the kernel does not survive every file with
     wrong parameters, and leaves out some entities without a word.
     """
-    _check_sections(str(path), exchange.file_bytes(path))
+    iges_data(path)
     return exchange.parts_of(str(path), "IGES", lambda: exchange.iges_items(str(path)))
+
+
+def iges_data(path: str | os.PathLike[str]) -> bytes:
+    """All of a file whose sections agree with each other.
+
+    Raises
+    ------
+    FileError
+        When there is no such file, or they do not.
+    """
+    data = exchange.file_bytes(path)
+    _check_sections(str(path), data)
+    return data
 
 
 def _check_sections(path: str, data: bytes) -> None:

@@ -16,6 +16,7 @@ from gtcad._entries import ModelShape
 from gtcad.composite import Composite
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
 from gtcad.converters.part import BodyFacts, Built, EllipseArc, Geometry, Part, Single, Wire
+from gtcad.converters.properties import stated
 from gtcad.converters.quadrics import Quadric, extremes
 from gtcad.errors import InputError, ModelError, ToleranceBelowPrecision, ToleranceNotMet
 from gtcad.model import Model
@@ -26,11 +27,8 @@ from gtcad.solid import Solid
 
 if TYPE_CHECKING:
     from gtcad.converters.occt.exchange import Schema
-    from gtcad.converters.quilt_fit import QuiltFit
 
 Array = NDArray[np.float64]
-
-_QUILT_SETTINGS = ("tolerance", "degree", "continuity", "max_spans", "max_degree", "adapt")
 
 
 @dataclass(frozen=True)
@@ -119,11 +117,12 @@ def _fitted(name: str, shape: ModelShape, settings: Mapping[str, Any]) -> Fitted
 
 def _built(name: str, shape: Quilt | Solid, settings: Mapping[str, Any]) -> Fitted:
     """The shell or the solid of a quilt, which the kernel makes at once: its faces share edges."""
+    from gtcad.converters.hosts import fitted_quilt
     from gtcad.converters.occt.shells import make_shell
     from gtcad.converters.solid import solid_of, thicken
 
     quilt = shape.quilt if isinstance(shape, Solid) else shape
-    fit = _fitted_quilt(quilt, settings)
+    fit = fitted_quilt(quilt, **settings)
     if not isinstance(shape, Solid):
         shell = make_shell(fit.splines, quilt.edges, quilt.flipped)
         return Fitted(name, Built("shell", shell.shape, quilt.names, fit.splines), fit.deviation)
@@ -135,17 +134,30 @@ def _built(name: str, shape: Quilt | Solid, settings: Mapping[str, Any]) -> Fitt
     return Fitted(name, built, (fit.deviation[0], body.deviation), proved=body.proved)
 
 
-def _fitted_quilt(quilt: Quilt, settings: Mapping[str, Any]) -> QuiltFit:
-    from gtcad.converters.quilt_fit import fit_quilt
+def parts_of(
+    fits: Sequence[Fitted], colors: Mapping[str, str], stating: Mapping[str, ModelShape] | None = None
+) -> list[Part]:
+    """The fitted shapes as parts of a file.
 
-    taken = {key: settings[key] for key in _QUILT_SETTINGS if key in settings}
-    return fit_quilt(quilt, **taken)
-
-
-def parts_of(fits: Sequence[Fitted], colors: Mapping[str, str]) -> list[Part]:
-    """The fitted shapes as parts of a file; colours by name, "#rrggbb"."""
+    Parameters
+    ----------
+    fits
+        Those without geometry are left out.
+    colors
+        By name, "#rrggbb".
+    stating
+        The exact shapes by name, in mm, if the file is to state their areas, volumes and points.
+    """
+    exact = stating or {}
     return [
-        Part(item.name, item.geometry, color=_rgb(colors.get(item.name))) for item in fits if item.geometry is not None
+        Part(
+            item.name,
+            item.geometry,
+            color=_rgb(colors.get(item.name)),
+            properties=stated(exact[item.name]) if item.name in exact else None,
+        )
+        for item in fits
+        if item.geometry is not None
     ]
 
 

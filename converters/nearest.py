@@ -1,6 +1,6 @@
 """Distances from points to curves and surfaces by search: estimates, never proofs.
 
-``distances`` looks for the nearest point from a dense grid by Gauss-Newton steps; it can only err upwards. Before a
+``nearest`` looks for the nearest points from a grid by damped Gauss-Newton steps; it can only err upwards. Before a
 shape is said to fail, ``is_farther`` looks through the whole set by subdivision.
 """
 
@@ -9,14 +9,23 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
+
 Array = NDArray[np.float64]
 
-_STEPS = 12
-_GRID = {1: 1025, 2: 97}
+_STEPS = 30
+_COUNTS = {1: (1025,), 2: (33, 33)}
+_STARTS = 4
+_STILL = 1e-13  # of the domain: a step that small ends the search
+_DAMPED, _LEAST_DAMPING = 1e-3, 1e-14
+_WIDER = 1.2  # what the parts of a grid may be wider than their sampled sides say
 _MAX_CELLS = 200_000
 
 
@@ -32,60 +41,136 @@ class PointSet:
         From parameters of shape (count, variables) to points of shape (count, d).
     derivatives
         From the same to partial derivatives of shape (count, variables, d).
-    speed
-        Largest norm of each partial derivative, with a margin, shape (variables,).
+    counts
+        Lines of the grid that searches begin from, one number for each variable.
     """
 
     variables: int
     evaluate: Callable[[Array], Array]
     derivatives: Callable[[Array], Array]
-    speed: Array
+    counts: tuple[int, ...]
 
     @classmethod
     def measured(
-        cls, variables: int, evaluate: Callable[[Array], Array], derivatives: Callable[[Array], Array]
+        cls,
+        variables: int,
+        evaluate: Callable[[Array], Array],
+        derivatives: Callable[[Array], Array],
+        counts: tuple[int, ...] | None = None,
     ) -> PointSet:
-        """With speeds from dense samples and a margin of half as much again."""
-        norms = np.linalg.norm(derivatives(grid(variables, _GRID[variables])), axis=2)
-        return cls(variables, evaluate, derivatives, 1.5 * norms.max(axis=0))
+        """With a grid that does for smooth shapes, unless told."""
+        return cls(variables, evaluate, derivatives, _COUNTS[variables] if counts is None else counts)
+
+    @cached_property
+    def places(self) -> Array:
+        """The parameters of the grid, shape (n, variables)."""
+        return lattice(*(np.linspace(0.0, 1.0, count) for count in self.counts))
+
+    @cached_property
+    def points(self) -> Array:
+        """The points of the grid, shape (n, d)."""
+        return self.evaluate(self.places)
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        """The points of the grid, to be searched."""
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self.points)
+
+    @cached_property
+    def reach(self) -> float:
+        """How far a point of the set may be from the nearest one of the grid: half a diagonal of its widest cell."""
+        lines = self.points.reshape(*self.counts, -1)
+        sides = (np.linalg.norm(np.diff(lines, axis=axis), axis=-1).max() for axis in range(self.variables))
+        return _WIDER * float(np.sqrt(sum(side**2 for side in sides))) / 2
+
+    @cached_property
+    def speed(self) -> Array:
+        """Largest norm of each partial derivative, from samples with half as much again, shape (variables,)."""
+        return 1.5 * np.asarray(np.linalg.norm(self.derivatives(self.places), axis=2).max(axis=0))
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """The nearest points that were found.
+
+    Attributes
+    ----------
+    distances
+        At least the true ones, shape (n,).
+    points
+        Shape (n, d).
+    places
+        Their parameters on [0, 1] or its square, shape (n, variables); NaN where they are not known.
+    """
+
+    distances: Array
+    points: Array
+    places: Array
+
+
+def lattice(*lines: Array) -> Array:
+    """All combinations of parameters, the last one running fastest, shape (n, number of lines)."""
+    return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, len(lines))
 
 
 def grid(variables: int, count: int) -> Array:
     """An equally spaced grid of parameters with both ends, shape (count ** variables, variables)."""
-    line = np.linspace(0.0, 1.0, count)
-    return np.array(list(itertools.product(line, repeat=variables)))
+    return lattice(*[np.linspace(0.0, 1.0, count)] * variables)
 
 
 def distances(points: Array, target: PointSet) -> Array:
     """Distances to the nearest points that were found, shape (count,): at least the true ones."""
-    from scipy.spatial import cKDTree
-
-    places = grid(target.variables, _GRID[target.variables])
-    tree = cKDTree(target.evaluate(places))
-    best, indices = tree.query(points, k=min(4, len(places)))
-    result = best[:, 0].copy()
-    for start in range(indices.shape[1]):
-        found = _refined(points, places[indices[:, start]], target)
-        result = np.minimum(result, found)
-    return np.asarray(result)
+    return nearest(points, target).distances
 
 
-def _refined(points: Array, places: Array, target: PointSet) -> Array:
-    """Gauss-Newton on the squared distance, parameters kept in [0, 1] and moved in the directions that are free."""
-    best = np.linalg.norm(target.evaluate(places) - points, axis=1)
+def nearest(points: Array, target: PointSet, *, enough: float = 0.0) -> Nearest:
+    """The nearest points of a set; a search that comes as near as is enough is not begun again from elsewhere."""
+    starts = np.asarray(target.tree.query(points, k=_STARTS)[1])
+    best = np.full(len(points), np.inf)
+    places = np.zeros((len(points), target.variables))
+    for k in range(_STARTS):
+        again = np.flatnonzero(best > enough)
+        if not len(again):
+            break
+        found, at = _refined(points[again], target.places[starts[again, k]], target)
+        better = found < best[again]
+        best[again[better]], places[again[better]] = found[better], at[better]
+    return Nearest(best, target.evaluate(places), places)
+
+
+def _refined(points: Array, places: Array, target: PointSet) -> tuple[Array, Array]:
+    """Damped Gauss-Newton on the squared distance, parameters kept in [0, 1] and moved in directions that are free."""
+    places = places.copy()
+    offsets = points - target.evaluate(places)
+    best = np.linalg.norm(offsets, axis=1)
+    damping = np.zeros(len(points))
+    active = np.arange(len(points))
     for _ in range(_STEPS):
-        offset = points - target.evaluate(places)
-        tangents = target.derivatives(places)
-        slope = np.einsum("nvd,nd->nv", tangents, offset)
-        free = ~(((places <= 0) & (slope < 0)) | ((places >= 1) & (slope > 0)))
-        tangents = tangents * free[:, :, None]
-        gram = np.einsum("nvd,nwd->nvw", tangents, tangents)
-        damping = 1e-14 * np.einsum("nvv->n", gram) + 1e-300
-        gram += (damping[:, None] + np.where(free, 0.0, 1.0))[:, :, None] * np.eye(target.variables)
-        step = np.linalg.solve(gram, (slope * free)[:, :, None])[:, :, 0]
-        places = np.clip(places + step, 0.0, 1.0)
-        best = np.minimum(best, np.linalg.norm(target.evaluate(places) - points, axis=1))
-    return np.asarray(best)
+        here = places[active]
+        trial = np.clip(here + _step(here, offsets[active], damping[active], target), 0.0, 1.0)
+        moved = points[active] - target.evaluate(trial)
+        found = np.linalg.norm(moved, axis=1)
+        good = found <= best[active]
+        kept = active[good]
+        places[kept], offsets[kept], best[kept] = trial[good], moved[good], found[good]
+        damping[active] = np.where(good, damping[active] / 10, np.maximum(10 * damping[active], _DAMPED))
+        active = active[np.abs(trial - here).max(axis=1) > _STILL]
+        if not len(active):
+            break
+    return best, places
+
+
+def _step(places: Array, offsets: Array, damping: Array, target: PointSet) -> Array:
+    tangents = target.derivatives(places)
+    slope = np.einsum("nvd,nd->nv", tangents, offsets)
+    free = ~(((places <= 0) & (slope < 0)) | ((places >= 1) & (slope > 0)))
+    tangents = tangents * free[:, :, None]
+    gram = np.einsum("nvd,nwd->nvw", tangents, tangents)
+    damping = (damping + _LEAST_DAMPING) * np.einsum("nvv->n", gram) + 1e-300
+    gram += (damping[:, None] + np.where(free, 0.0, 1.0))[:, :, None] * np.eye(target.variables)
+    return np.asarray(np.linalg.solve(gram, (slope * free)[:, :, None])[:, :, 0])
 
 
 def is_farther(point: Array, length: float, target: PointSet) -> bool | None:

@@ -120,6 +120,30 @@ class Facets:
 
 
 @dataclass(frozen=True, eq=False)
+class Region:
+    """The part of a surface that a face is.
+
+    Attributes
+    ----------
+    rectangle
+        First and last u, first and last v of the part's spline, where the face is that rectangle; None where it is
+        trimmed otherwise.
+    inside
+        From parameters of the part's spline, shape (n, 2), to whether they are those of a point of the face; None where
+        the kernel's parameters are others.
+    sampled
+        From a number of lines to points of the face, shape (n, 3): its boundary, and those of a grid that lie inside.
+    feet
+        From points, shape (n, 3), to the nearest points of the face: those of the kernel.
+    """
+
+    rectangle: tuple[tuple[float, float], tuple[float, float]] | None
+    inside: Callable[[Array], NDArray[np.bool_]] | None
+    sampled: Callable[[int], Array]
+    feet: Callable[[Array], Array]
+
+
+@dataclass(frozen=True, eq=False)
 class TrimmedFace:
     """What is known of a face that is less than all of its surface.
 
@@ -131,11 +155,14 @@ class TrimmedFace:
         In mm^2.
     facets
         Divides it into triangles that the eye takes for it; None when nothing can.
+    region
+        What of its surface it is; None where that is not known.
     """
 
     distances: Callable[[Array], Array]
     area: float
     facets: Callable[[], Facets] | None = None
+    region: Region | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,6 +227,28 @@ class BodyFacts:
 
 
 @dataclass(frozen=True, eq=False)
+class Properties:
+    """What a file states of a shape besides the shape, for readers to compare: validation properties.
+
+    Attributes
+    ----------
+    area
+        Of all faces, in mm^2; None when it is not stated.
+    volume
+        Of a solid, in mm^3; None when it is not stated.
+    centroid
+        In mm: of the volume of a solid, else of the area; None when it is not stated.
+    points
+        On the faces, shape (n, 3), in mm; none when they are not stated.
+    """
+
+    area: float | None
+    volume: float | None
+    centroid: tuple[float, float, float] | None
+    points: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Built:
     """A shell or a solid that the kernel holds already.
 
@@ -254,6 +303,9 @@ class Part:
     body
         Read faces: the shell or solid that they belong to, one object for all its faces; None for faces that stand
         alone.
+    properties
+        What the file is to state, or states, of the shape: in STEP files of AP242 and AP214. Of faces of one product,
+        one object for all.
 
     Raises
     ------
@@ -270,6 +322,7 @@ class Part:
     valid: bool = True
     face: TrimmedFace | None = None
     body: BodyFacts | None = None
+    properties: Properties | None = None
 
     def __post_init__(self) -> None:
         name: object = self.name

@@ -103,7 +103,27 @@ def cut(spline: BSplineCurve, start: float, end: float) -> BSplineCurve:
     ----------
     W. Boehm, Inserting new knots into B-spline curves, Computer-Aided Design 12 (1980) 199-201.
     """
-    flat, poles, degree = spline.flat_knots, spline.homogeneous, spline.degree
+    kept = cut_poles(spline.flat_knots, spline.homogeneous, spline.degree, start, end)
+    inside = (spline.knots > start) & (spline.knots < end)
+    counts = [m for m, inner in zip(spline.multiplicities, inside, strict=True) if inner]
+    points, weights = (kept, None) if spline.weights is None else (kept[:, :-1] / kept[:, -1:], kept[:, -1])
+    knots = [start, *spline.knots[inside], end]
+    degree = spline.degree
+    return BSplineCurve(points, knots, [degree + 1, *counts, degree + 1], degree, weights)
+
+
+def cut_poles(flat: Array, poles: Array, degree: int, start: float, end: float) -> Array:
+    """Of poles over flat knots those that remain when both ends of [start, end] are made knots of full multiplicity.
+
+    Parameters
+    ----------
+    flat, degree
+        Of the spline.
+    poles
+        Shape (n, c), with any number of columns.
+    start, end
+        Inside its domain, start < end.
+    """
     for u in (start, end):
         for _ in range(degree - int((flat == u).sum())):
             last = int(np.searchsorted(flat, u, "right")) - 1
@@ -113,12 +133,7 @@ def cut(spline: BSplineCurve, start: float, end: float) -> BSplineCurve:
             poles = np.concatenate([poles[: i[0]], mixed, poles[last:]])
             flat = np.insert(flat, last + 1, u)
     first, stop = np.searchsorted(flat, start, "right") - degree - 1, np.searchsorted(flat, end, "left")
-    inside = (spline.knots > start) & (spline.knots < end)
-    counts = [m for m, inner in zip(spline.multiplicities, inside, strict=True) if inner]
-    kept = poles[first:stop]
-    points, weights = (kept, None) if spline.weights is None else (kept[:, :-1] / kept[:, -1:], kept[:, -1])
-    knots = [start, *spline.knots[inside], end]
-    return BSplineCurve(points, knots, [degree + 1, *counts, degree + 1], degree, weights)
+    return np.asarray(poles[first:stop])
 
 
 def _blossom(spline: BSplineCurve, arguments: Array, span: int) -> Array:

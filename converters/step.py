@@ -81,9 +81,21 @@ def read_step(path: str | os.PathLike[str]) -> list[Part]:
     its faces belongs to no product. That is not all that can be wrong: the kernel does not survive every file in which
     entities refer to wrong ones of the right kind.
     """
+    data = step_data(path)
+    return exchange.parts_of(str(path), "STEP", lambda: exchange.step_items(data))
+
+
+def step_data(path: str | os.PathLike[str]) -> bytes:
+    """All of a file that begins and ends as STEP files do.
+
+    Raises
+    ------
+    FileError
+        When there is no such file, or it does not.
+    """
     data = exchange.file_bytes(path)
     if b"ISO-10303-21;" not in data[:1000]:
         raise FileError(str(path), "is not a readable STEP file: it does not begin with ISO-10303-21;")
     if b"END-ISO-10303-21;" not in data:
         raise FileError(str(path), "is not a readable STEP file: its end is missing")
-    return exchange.parts_of(str(path), "STEP", lambda: exchange.step_items(data))
+    return data

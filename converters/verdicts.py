@@ -1,4 +1,4 @@
-"""One curve or surface of a file held against one of a model: proved where it can be, estimated where not.
+"""What a file holds of one curve or surface of a model: proved where it can be, estimated where not.
 
 Equal parameters bound the distance of the point sets from above, so they can prove a pass. They cannot prove a fail: a
 shape fails when a sample of it, or of what the file holds, is farther than the tolerance from the other point set.
@@ -6,34 +6,65 @@ shape fails when a sample of it, or of what the file holds, is farther than the 
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import partial
-from typing import Literal, cast
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from gtcad import measure
-from gtcad.converters.analytic import certify_quadric
-from gtcad.converters.arcs import certify_arc, curve_of_arc
-from gtcad.converters.bspline import BSplineCurve, BSplineSurface
-from gtcad.converters.certificate import Certificate, certify_curve, certify_surface, deciding
-from gtcad.converters.exact import IDENTITY, ParameterMap, exact_map
-from gtcad.converters.nearest import PointSet, distances, grid, is_farther
-from gtcad.converters.part import Built, EllipseArc, Part, TrimmedFace, Wire
-from gtcad.converters.quadrics import Quadric, surface_of_quadric
-from gtcad.protocol import Factors, SeparableCurve, SeparableSurface, Shape
-from gtcad.restricted import RestrictedCurve, RestrictedSurface
+from gtcad.converters.correspondence import Way, common_ranges, covers, part_way, whole_way
+from gtcad.converters.estimates import estimated
+from gtcad.converters.figures import Figure, areas_differ
+from gtcad.converters.nearest import lattice
 
 Array = NDArray[np.float64]
 Verdict = Literal["proved", "estimated", "failed", "missing", "invalid", "undecided"]
 
-_SAMPLES = {1: 513, 2: 49}
-_GUESS = {1: 17, 2: 9}
-_SUSPECTS = 3
-_AREA = 1e-5  # relative: what the kernel's area of a face may be off
+_LINES = {1: 129, 2: 25}
+_BINS = 12
+
+
+@dataclass(frozen=True)
+class Worst:
+    """The place of the largest deviation that was seen.
+
+    Attributes
+    ----------
+    parameters
+        (t,) or (u, v) of the model's shape, in its own parameters.
+    point
+        Of the model, in mm.
+    vector
+        From there to what the file holds, in mm.
+    """
+
+    parameters: tuple[float, ...]
+    point: tuple[float, float, float]
+    vector: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Histogram:
+    """How often deviations of samples lie between two bounds.
+
+    Attributes
+    ----------
+    edges
+        Ascending, in mm, one more than there are counts.
+    counts
+        Of samples.
+    """
+
+    edges: tuple[float, ...]
+    counts: tuple[int, ...]
+
+    @classmethod
+    def of(cls, deviations: Array, tolerance: float) -> Histogram:
+        """From 0 to the largest one, or the tolerance when there is none."""
+        most = float(deviations.max(initial=0.0)) or tolerance
+        counts, edges = np.histogram(deviations, _BINS, (0.0, most))
+        return cls(tuple(edges.tolist()), tuple(counts.tolist()))
 
 
 @dataclass(frozen=True)
@@ -54,6 +85,12 @@ class Row:
         How the figure was had.
     remark
         What a reader should know besides.
+    worst
+        Where it deviates most, of samples at corresponding parameters when proved, and of nearest points otherwise.
+    histogram
+        Of the deviations of these samples.
+    face
+        Indices of the parts that hold it, in the parts as read.
     """
 
     name: str
@@ -61,171 +98,95 @@ class Row:
     deviation: tuple[float, float] | None = None
     method: str = ""
     remark: str = ""
-
-
-def compared(name: str, shape: Shape, part: Part, tolerance: float) -> Row:
-    """Hold a valid part against a shape in space, both in mm."""
-    if part.trimmed and isinstance(shape, SeparableSurface):
-        if part.face is None:
-            return Row(name, "undecided", remark="trimmed, and nothing is known of its boundary")
-        return _estimated_trimmed(name, shape, part.face, tolerance)
-    certificate, method, suspect = _proof(shape, part, tolerance)
-    if certificate.upper <= tolerance:
-        return Row(name, "proved", (certificate.lower, certificate.upper), method)
-    return _estimated(name, shape, part, tolerance, suspect)
+    worst: Worst | None = None
+    histogram: Histogram | None = None
+    face: tuple[int, ...] = ()
 
 
 def joined(*remarks: str) -> str:
     """Those remarks that are not empty, as one."""
-    return "; ".join(remark for remark in remarks if remark)
+    return "; ".join(dict.fromkeys(remark for remark in remarks if remark))
 
 
-def _proof(shape: Shape, part: Part, tolerance: float) -> tuple[Certificate, str, Array]:
-    """The certificate under the correspondence that fits best, its name, and the shape's point where it is worst."""
-    geometry = part.geometry
-    if isinstance(shape, SeparableCurve):
-        if isinstance(geometry, EllipseArc):
-            ways = (shape, RestrictedCurve(shape, (1.0, 0.0)))
-            curve = min(
-                ways, key=lambda way: float(np.abs(way.evaluate(0.0) - geometry.evaluate(geometry.start)).max())
-            )
-            certificate, method = certify_arc(curve, geometry), "equal angles"
-        else:
-            assert isinstance(geometry, BSplineCurve)
-            curve, parameter_map = min(curve_ways(shape), key=lambda way: _gap_of_curves(way, geometry))
-            certify = partial(certify_curve, curve, geometry, parameter_map=parameter_map)
-            certificate, method = deciding(certify, tolerance), method_of(parameter_map)
-        return certificate, method, curve.evaluate(*certificate.place)
-    if isinstance(geometry, Quadric):
-        certificate = certify_quadric(shape, geometry)
-        return certificate, "equal angles and lengths", shape.evaluate(*certificate.place)
-    assert isinstance(geometry, BSplineSurface)
-    both = itertools.product(_surface_ways(shape), (geometry, geometry.transposed()))
-    (surface, maps), spline = min(both, key=lambda way: _gap_of_surfaces(*way))
-    certificate = deciding(partial(certify_surface, surface, spline, parameter_maps=maps), tolerance)
-    return certificate, method_of(*maps), surface.evaluate(*certificate.place)
+def compared(name: str, figure: Figure, pieces: Sequence[Figure], tolerance: float) -> Row:
+    """Hold one or several pieces, which may be parts of the figure or reach it together, against a figure."""
+    trimmed = any(piece.face is not None for piece in pieces)
+    if any(piece.face is not None and np.isnan(piece.face.area) for piece in pieces):
+        return Row(name, "undecided", remark="trimmed, and nothing is known of its boundary")
+    row, suspect = (None, None) if trimmed or figure.face is not None else _proof(name, figure, pieces, tolerance)
+    if row is None:
+        row = _estimate(name, figure, pieces, tolerance, suspect)
+    remark = joined(row.remark, f"held by {len(pieces)} parts" if len(pieces) > 1 else "")
+    return replace(row, remark=remark)
 
 
-def method_of(*maps: ParameterMap) -> str:
-    """How parameters correspond, in words."""
-    kinds = [parameter_map.kind for parameter_map in maps if parameter_map != IDENTITY]
-    return f"exact form ({' and '.join(dict.fromkeys(kinds))})" if kinds else "equal parameters"
+# --- proofs -----------------------------------------------------------------------------------------------------------
 
 
-CurveWay = tuple[SeparableCurve, ParameterMap]
-_SurfaceWay = tuple[SeparableSurface, tuple[ParameterMap, ParameterMap]]
+def _proof(name: str, figure: Figure, pieces: Sequence[Figure], tolerance: float) -> tuple[Row | None, Array | None]:
+    """The row if there is a proof; else parameters that are suspect, if any."""
+    if len(pieces) == 1:
+        way = whole_way(figure, pieces[0])
+        certificate = way.certificate(tolerance)
+        if certificate.upper > tolerance:
+            return None, np.array(certificate.place)
+        deviation = certificate.lower, certificate.upper
+        return _proved(name, [way], deviation, way.method, tolerance, np.array(certificate.place)), None
+    ways = []
+    for piece in pieces:
+        way = part_way(figure, piece, tolerance)
+        if way is None:
+            return None, None
+        ways.append(way)
+    ways = common_ranges(ways, lambda axis: tolerance / float(figure.points.speed[axis]))
+    if not covers(ways):
+        return None, None
+    certificates = [way.certificate(tolerance) for way in ways]
+    worst = max(certificates, key=lambda one: one.lower)
+    upper = max(one.upper for one in certificates)
+    if upper > tolerance:
+        return None, np.array(worst.place)
+    method = " and ".join(dict.fromkeys(way.method for way in ways)) + " of parts that cover it"
+    return _proved(name, ways, (worst.lower, upper), method, tolerance, None), None
 
 
-def _maps(factors: Factors) -> tuple[ParameterMap, ...]:
-    own = exact_map(factors)
-    return (IDENTITY,) if own is None or own == IDENTITY else (IDENTITY, own)
+def _proved(
+    name: str, ways: Sequence[Way], deviation: tuple[float, float], method: str, tolerance: float, place: Array | None
+) -> Row:
+    figure = ways[0].figure
+    grid = lattice(*[np.linspace(0.0, 1.0, _LINES[figure.variables])] * figure.variables)
+    places = np.concatenate([way.parameters(grid) for way in ways])
+    vectors = np.concatenate([way.differences(grid) for way in ways])
+    lengths = np.linalg.norm(vectors, axis=1)
+    worst = _worst(figure, places, figure.points.evaluate(places), vectors, lengths)
+    return Row(name, "proved", deviation, method, worst=worst, histogram=Histogram.of(lengths, tolerance))
 
 
-def curve_ways(curve: SeparableCurve) -> Iterator[CurveWay]:
-    """The curve in both directions, under each of its parameter maps."""
-    for way in (curve, RestrictedCurve(curve, (1.0, 0.0))):
-        for parameter_map in _maps(way.factors):
-            yield way, parameter_map
+# --- estimates --------------------------------------------------------------------------------------------------------
 
 
-def _surface_ways(surface: SeparableSurface) -> Iterator[_SurfaceWay]:
-    forward, backward = (0.0, 1.0), (1.0, 0.0)
-    for u, v in itertools.product((forward, backward), repeat=2):
-        way = surface if u == v == forward else RestrictedSurface(surface, (u, v))
-        yield from ((way, maps) for maps in itertools.product(_maps(way.factors_u), _maps(way.factors_v)))
+def _estimate(name: str, figure: Figure, pieces: Sequence[Figure], tolerance: float, suspect: Array | None) -> Row:
+    found = estimated(figure, pieces, tolerance, suspect)
+    largest = float(found.distances.max())
+    verdict: Verdict = found.verdict
+    remarks = ["trimmed in the file"] if any(piece.face is not None for piece in pieces) else []
+    if verdict == "estimated" and remarks and figure.face is None:
+        areas = areas_differ(figure, tuple(pieces), tolerance)
+        remarks.append(areas)
+        verdict = "undecided" if areas else verdict
+    if largest > figure.size > 0:
+        remarks.append(f"it lies up to {largest:.3g} mm away")
+    known = ~np.isnan(found.figure_places).any(axis=1) & ~np.isnan(found.vectors).any(axis=1)
+    worst = None
+    if known.any():
+        columns = (found.figure_places, found.figure_points, found.vectors, found.distances)
+        worst = _worst(figure, *(column[known] for column in columns))
+    histogram = Histogram.of(found.distances, tolerance)
+    return Row(name, verdict, (largest, largest), found.method, joined(*remarks), worst, histogram)
 
 
-def _gap_of_curves(way: CurveWay, spline: BSplineCurve) -> float:
-    curve, parameter_map = way
-    x = np.linspace(0.0, 1.0, _GUESS[1])
-    return float(np.abs(curve.evaluate(parameter_map(x)) - spline.evaluate(_stretched(x, spline.knots))).max())
-
-
-def _gap_of_surfaces(way: _SurfaceWay, spline: BSplineSurface) -> float:
-    surface, maps = way
-    x = np.linspace(0.0, 1.0, _GUESS[2])
-    u, v = x[:, None], x[None, :]
-    model = surface.evaluate(maps[0](u), maps[1](v))
-    return float(np.abs(model - spline.evaluate(_stretched(u, spline.knots_u), _stretched(v, spline.knots_v))).max())
-
-
-def _stretched(x: ArrayLike, knots: Array) -> Array:
-    x = np.asarray(x, dtype=np.float64)
-    return np.asarray(np.clip(knots[0] * (1 - x) + knots[-1] * x, knots[0], knots[-1]))
-
-
-def _estimated(name: str, shape: Shape, part: Part, tolerance: float, suspect: Array) -> Row:
-    """Nearest-point distances of dense samples, both ways.
-
-    The suspect is a point of the shape that is sampled besides: where the certificate found it worst.
-    """
-    model, held = _point_set(shape), _point_set_of(part)
-    samples = grid(model.variables, _SAMPLES[model.variables])
-    directions = ((np.vstack([model.evaluate(samples), suspect]), held), (held.evaluate(samples), model))
-    worst, verdict = 0.0, "estimated"
-    for sources, target in directions:
-        found = distances(sources, target)
-        worst = max(worst, float(found.max()))
-        for place in np.argsort(-found)[:_SUSPECTS]:
-            if found[place] > tolerance and verdict != "failed":
-                verdict = "failed" if is_farther(sources[place], tolerance, target) else "undecided"
-    count = sum(len(sources) for sources, _ in directions)
-    return Row(name, cast("Verdict", verdict), (worst, worst), f"nearest points of {count} samples")
-
-
-def _estimated_trimmed(name: str, surface: SeparableSurface, face: TrimmedFace, tolerance: float) -> Row:
-    """Distances of dense samples of the model from a face that is part of a surface, and a comparison of areas.
-
-    Distances tell what the face lacks; what it has too much would show in its area.
-    """
-    samples = grid(2, _SAMPLES[2])
-    found = float(face.distances(surface.evaluate(samples[:, 0], samples[:, 1])).max())
-    remark = "trimmed in the file"
-    wanted, allowed = measure.area(surface, rtol=1e-9), 2 * tolerance * _perimeter(surface)
-    verdict: Verdict = "failed" if found > tolerance else "estimated"
-    if verdict == "estimated" and abs(face.area - wanted) > allowed + _AREA * wanted:
-        verdict = "undecided"
-        remark = joined(remark, f"its area is {face.area:.6g} mm^2, the model's {float(wanted):.6g} mm^2")
-    return Row(name, verdict, (found, found), f"distances of {len(samples)} samples from the face", remark)
-
-
-def _perimeter(surface: SeparableSurface) -> float:
-    """Length of the boundary, as that of polygons."""
-    line = np.linspace(0.0, 1.0, 257)
-    sides = (surface.evaluate(*side) for side in ((line, 0.0), (line, 1.0), (0.0, line), (1.0, line)))
-    return sum(float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()) for points in sides)
-
-
-def _point_set(shape: Shape) -> PointSet:
-    if isinstance(shape, SeparableCurve):
-        return PointSet.measured(1, lambda p: shape.evaluate(p[:, 0]), lambda p: shape.derivative(p[:, 0])[:, None])
-    return PointSet.measured(
-        2,
-        lambda p: shape.evaluate(p[:, 0], p[:, 1]),
-        lambda p: np.stack([shape.derivative(p[:, 0], p[:, 1], orders) for orders in ((1, 0), (0, 1))], axis=1),
-    )
-
-
-def _point_set_of(part: Part) -> PointSet:
-    geometry = part.geometry
-    assert not isinstance(geometry, Wire | Built)
-    if isinstance(geometry, EllipseArc):
-        return _point_set(curve_of_arc(geometry))
-    if isinstance(geometry, Quadric):
-        return _point_set(surface_of_quadric(geometry))
-    if isinstance(geometry, BSplineCurve):
-        return PointSet.measured(
-            1,
-            lambda p: geometry.evaluate(_stretched(p[:, 0], geometry.knots)),
-            lambda p: geometry.derivative(_stretched(p[:, 0], geometry.knots))[:, None] * np.ptp(geometry.knots),
-        )
-    lengths = np.array([np.ptp(geometry.knots_u), np.ptp(geometry.knots_v)])
-
-    def places(p: Array) -> tuple[Array, Array]:
-        return _stretched(p[:, 0], geometry.knots_u), _stretched(p[:, 1], geometry.knots_v)
-
-    return PointSet.measured(
-        2,
-        lambda p: geometry.evaluate(*places(p)),
-        lambda p: np.stack(geometry.derivatives(*places(p)), axis=1) * lengths[:, None],
-    )
+def _worst(figure: Figure, places: Array, points: Array, vectors: Array, lengths: Array) -> Worst:
+    k = int(lengths.argmax())
+    u = figure.own(places[k : k + 1])[0].tolist()
+    point, vector = points[k].tolist(), vectors[k].tolist()
+    return Worst(tuple(u), (point[0], point[1], point[2]), (vector[0], vector[1], vector[2]))

@@ -79,7 +79,7 @@ def export(
             advance()
     failures = [fitted for fitted in fits if fitted.geometry is None]
     if not failures:
-        parts = jobs.parts_of(fits, content.colors)
+        parts = jobs.parts_of(fits, content.colors, shapes if form == "STEP" and chosen != "AP203" else None)
         try:
             jobs.write_parts(output, form, parts, tolerance=settings["tolerance"], schema=chosen, timestamp=moment)
         except errors.InputError as error:  # too small or too degenerate for the kernel, not for us

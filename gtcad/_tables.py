@@ -62,17 +62,17 @@ def print_diagnosis(diagnosis: Diagnosis) -> None:
     rows = [[name, version or "not installed"] for name, version in diagnosis.versions.items()]
     kernel = diagnosis.kernel
     print_table(("name", "version"), [*rows, ["OCCT", (kernel.version if kernel else None) or "-"]])
+    if kernel is not None and not kernel.error:
+        print("\nthe kernel works: it made and checked a face")
+    for name, host in diagnosis.hosts.items():
+        if not host.error:
+            print(f"{name} works: it made and checked a GT face")
     for problem in diagnosis.problems:
         print(f"\nproblem: {problem}")
     if diagnosis.problems:
         print("\nto repair it, run:")
     elif kernel is None:
         print("\nno CAD kernel: shapes, fits and proofs work, exchange files do not; to get a kernel, run:")
-    else:
-        print("\nthe kernel works: it made and checked a face")
-    for name, host in diagnosis.hosts.items():
-        if not host.error:
-            print(f"{name} works: it made and checked a GT face")
     for command in diagnosis.repair:
         print(f"    {command}")
 

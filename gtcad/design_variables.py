@@ -8,6 +8,7 @@ g = 1 and at g = -1 differ by.
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -21,7 +22,9 @@ from gtcad.errors import InputError
 from gtcad.factors import SurfaceOfTerms
 from gtcad.patches._patch import Patch
 from gtcad.patches.coons import Coons
+from gtcad.patches.developable import Developable, PlaneFamily
 from gtcad.patches.lofted import Lofted
+from gtcad.patches.minimal import Plateau
 from gtcad.patches.sweep import Sweep
 from gtcad.protocol import SeparableCurve, SeparableSurface
 from gtcad.restricted import RestrictedCurve, RestrictedSurface
@@ -47,9 +50,10 @@ def design_variables(patch: SeparableSurface) -> dict[str, Gamma]:
     Returns
     -------
     dict
-        For a ``Surface`` "gamma_u" and "gamma_v"; for patches built from curves the names of those that are GT curves
-        or parts of such; for ``Lofted`` "sections", which all share one pair, and "gamma_v". Boundaries of ``Coons``
-        that are parts of curves are not among them: their ends move, and would leave the corners.
+        For a ``Surface`` "gamma_u" and "gamma_v"; for patches built from curves or planes the names of those that are
+        GT curves or families of planes, or parts of such; for ``Lofted`` "sections", which all share one pair, and
+        "gamma_v". Boundaries of ``Coons`` that are parts of curves are not among them: their ends move, and would leave
+        the corners.
 
     Examples
     --------
@@ -66,8 +70,10 @@ def design_variables(patch: SeparableSurface) -> dict[str, Gamma]:
     elif isinstance(patch, Lofted):
         found = {"sections": _of_curve(patch.sections[0]), "gamma_v": _own(patch.gamma_v, patch.family_v)}
     elif isinstance(patch, Patch):
-        curves = {name: value for name, value in vars(patch).items() if isinstance(value, SeparableCurve)}
+        curves = {name: value for name, value in vars(patch).items() if isinstance(value, SeparableCurve | PlaneFamily)}
         found = {name: _of_curve(curve, whole=isinstance(patch, Coons)) for name, curve in curves.items()}
+    if isinstance(patch, Plateau):
+        found |= {"gamma_u": _own(patch.gamma_u, patch.family), "gamma_v": _own(patch.gamma_v, patch.family)}
     return {name: gamma for name, gamma in found.items() if gamma is not None}
 
 
@@ -75,11 +81,11 @@ def _own(gamma: Gamma, family: Family) -> Gamma | None:
     return gamma if family.takes_gamma else None
 
 
-def _of_curve(curve: SeparableCurve, whole: bool = False) -> Gamma | None:
+def _of_curve(curve: SeparableCurve | PlaneFamily, whole: bool = False) -> Gamma | None:
     """The pair of a curve or of what it is a part of; with ``whole`` of those alone whose ends are the curve's."""
     if isinstance(curve, RestrictedCurve) and not (whole and set(curve.range) != {0.0, 1.0}):
         return _of_curve(curve.shape, whole)
-    return _own(curve.gamma, curve.family) if isinstance(curve, Curve) else None
+    return _own(curve.gamma, curve.family) if isinstance(curve, Curve | PlaneFamily) else None
 
 
 def with_design_variables(patch: SeparableSurface, changes: Mapping[str, Sequence[float]]) -> SeparableSurface:
@@ -114,12 +120,15 @@ def _changed(patch: SeparableSurface, changes: Mapping[str, Sequence[float]]) ->
     if isinstance(patch, RestrictedSurface):
         return replace(patch, shape=_changed(patch.shape, changes))
     fields: Any = {name: _with_gamma(name, getattr(patch, name), gamma) for name, gamma in changes.items()}
+    if isinstance(patch, Plateau):
+        kept = {name: getattr(patch, name) for name in inspect.signature(Plateau).parameters}
+        return Plateau(**kept | fields)
     return replace(patch, **fields)  # type: ignore[type-var]
 
 
 def _with_gamma(name: str, value: Any, gamma: Sequence[float]) -> Any:
     """A field of a patch with another pair: a curve, sections, or the pair itself."""
-    if isinstance(value, Curve):
+    if isinstance(value, Curve | PlaneFamily):
         return replace(value, gamma=checked_gamma(name, gamma, value.family))
     if isinstance(value, RestrictedCurve):
         return replace(value, shape=_with_gamma(name, value.shape, gamma))
@@ -145,8 +154,8 @@ def design_rate(patch: SeparableSurface, variable: str) -> SurfaceOfTerms:
 
     Notes
     -----
-    Exact up to rounding, but for the spine of a ``Sweep``, whose frames have no closed form: there it is a difference
-    of the fourth order with step 1e-3, within [-1, 1], with an error of about 1e-9 of the size.
+    Exact up to rounding, but for developables and the spine of a ``Sweep``, whose rulings and frames are not affine:
+    there it is a difference of the fourth order with step 1e-3, within [-1, 1], off by about 1e-9 of the size.
 
     Examples
     --------
@@ -177,7 +186,7 @@ def _rate(patch: SeparableSurface, name: str, index: int) -> SurfaceOfTerms:
         return _loft_rate(patch, index)
     gamma = design_variables(patch)[name]
     ends: Sequence[Pair] = ((1.0, 0.5), (-1.0, -0.5))
-    if isinstance(patch, Sweep) and name == "spine":
+    if (isinstance(patch, Sweep) and name == "spine") or isinstance(patch, Developable):
         ends = _difference(gamma[index])
     return weighted_sum(*((weight, _changed(patch, {name: _placed(gamma, index, g)})) for g, weight in ends))
 

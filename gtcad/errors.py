@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 
 class GtcadError(Exception):
@@ -11,6 +12,29 @@ class GtcadError(Exception):
 
 class InputError(GtcadError, ValueError):
     """An argument is out of its range or of the wrong shape; the message says what was given and what is allowed."""
+
+
+class NotDevelopable(InputError):
+    """A surface cannot be laid flat without stretching, or not at all.
+
+    Parameters
+    ----------
+    reason
+        What stands in the way, and where.
+    twist_deg
+        The largest twist of the tangent plane along a ruling in degrees, where that is the reason.
+    parameter
+        Where along the rulings; None where it is no matter of a place.
+    """
+
+    def __init__(self, reason: str, *, twist_deg: float | None = None, parameter: float | None = None) -> None:
+        self.reason = reason
+        self.twist_deg = twist_deg
+        self.parameter = parameter
+        super().__init__(reason)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return partial(type(self), twist_deg=self.twist_deg, parameter=self.parameter), (self.reason,)
 
 
 class ModelError(GtcadError, ValueError):
@@ -131,3 +155,49 @@ class SingularJoin(GtcadError, ArithmeticError):
 
     def __reduce__(self) -> tuple[object, ...]:
         return type(self), (self.reason, self.conditioning)
+
+
+class SingularDevelopable(InputError):
+    """A developable patch is singular: it has no tangent plane somewhere, or none of its rulings ends there.
+
+    Parameters
+    ----------
+    reason
+        What happens there.
+    t
+        The first parameter where it does.
+    """
+
+    def __init__(self, reason: str, t: float) -> None:
+        self.reason = reason
+        self.t = t
+        super().__init__(f"{reason} at t = {t:.12g}")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (self.reason, self.t)
+
+
+class NoFeasibleDesign(GtcadError, ArithmeticError):
+    """No design that an optimisation looked at keeps its limits.
+
+    Parameters
+    ----------
+    objective
+        What was to be made small.
+    designs
+        How many designs were looked at.
+    excess
+        How far the best of them is beyond the limits; infinite when there was no such shape at all.
+    """
+
+    def __init__(self, objective: str, designs: int, excess: float) -> None:
+        self.objective = objective
+        self.designs = designs
+        self.excess = excess
+        super().__init__(
+            f"none of {designs} designs keeps the constraints while {objective} is made least: the best is {excess:.3g} "
+            "beyond them"
+        )
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (self.objective, self.designs, self.excess)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import importlib.util
 import json
 import os
@@ -174,9 +175,10 @@ def test_a_kernel_that_does_not_answer_is_not_waited_for() -> None:
     assert doctor.probe_kernel(timeout=0.001) == Probe(None, "it did not answer within 0.001 s")
 
 
-def broken_kernel(folder: Path, source: str) -> dict[str, str]:
-    (folder / "OCP").mkdir()
-    (folder / "OCP" / "__init__.py").write_text(source)
+def broken(folder: Path, source: str, package: str = "OCP") -> dict[str, str]:
+    """The environment of a process that finds a package of that source before the installed one."""
+    (folder / package).mkdir()
+    (folder / package / "__init__.py").write_text(source)
     return {**os.environ, "PYTHONPATH": str(folder)}
 
 
@@ -194,12 +196,65 @@ def run_doctor(environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
     ],
 )
 def test_a_broken_kernel_does_not_take_the_doctor_down(tmp_path: Path, source: str, expected: str) -> None:
-    result = run_doctor(broken_kernel(tmp_path, source))
+    result = run_doctor(broken(tmp_path, source))
     found = json.loads(result.stdout)
     assert result.returncode == 4
     assert expected in found["kernel"]["error"]
     assert any("the kernel does not work" in problem for problem in found["problems"])
     assert found["repair"][-1].startswith(f"{shlex.quote(sys.executable)} -m pip install ")
+    assert {host["error"] for host in found["hosts"].values()} <= {"not tried: the kernel does not work"}
+
+
+@pytest.mark.skipif(importlib.util.find_spec("build123d") is None, reason="needs the host")
+@pytest.mark.parametrize(
+    ("source", "expected"),
+    [
+        ("raise ImportError('half of it is missing')", "ExtraMissing: build123d is needed here"),
+        ("import os; os.kill(os.getpid(), 9)", "it crashed (signal 9)"),
+    ],
+)
+def test_a_broken_host_does_not_take_the_doctor_down(tmp_path: Path, source: str, expected: str) -> None:
+    result = run_doctor(broken(tmp_path, source, "build123d"))
+    found = json.loads(result.stdout)
+    version = importlib.metadata.version("build123d")
+    assert result.returncode == 4
+    assert found["kernel"]["error"] == ""
+    assert found["hosts"].pop("build123d")["error"].startswith(expected)
+    assert all(host["error"] == "" for host in found["hosts"].values())
+    [problem] = found["problems"]
+    assert problem.startswith(f"build123d does not work: {expected}")
+    python = shlex.quote(sys.executable)
+    assert found["repair"] == [
+        f"{python} -m pip install --force-reinstall --no-deps build123d=={version}",
+        f"{python} -m pip install build123d=={version}",
+    ]
+
+
+def test_hosts_are_tried_where_they_and_a_kernel_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    answers = {"build123d": Probe("0.13.0"), "cadquery": Probe("2.8.0", "KernelError: invalid")}
+    monkeypatch.setattr(doctor, "probe_host", lambda name, timeout: answers[name])
+    found = [slim("8.0.1.1.0"), BUILD123D_13, CADQUERY_28]
+    assert doctor.try_hosts(found, FINE_7) == answers
+    assert doctor.try_hosts(found[:2], FINE_7) == {"build123d": answers["build123d"]}
+    assert doctor.try_hosts(found[:1], FINE_7) == {}
+    for kernel in (None, Probe(None, "it crashed")):
+        assert doctor.try_hosts(found, kernel)["cadquery"] == Probe(None, "not tried: the kernel does not work")
+    assert doctor.host_repairs(found, answers)[1].endswith(" -m pip install cadquery==2.8.0")
+
+
+def test_a_face_that_a_host_gets_wrong_is_an_error(capsys: pytest.CaptureFixture[str]) -> None:
+    host = pytest.importorskip("build123d")
+    whole = host.Face.area
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(host.Face, "area", property(lambda face: 2 * whole.fget(face)))
+        doctor.answer_host("build123d")
+    answer = json.loads(capsys.readouterr().out)
+    assert "it measures" in answer["error"]
+    assert answer["version"] == host.__version__
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(host.Face, "is_valid", False)
+        doctor.answer_host("build123d")
+    assert "calls a GT face invalid" in json.loads(capsys.readouterr().out)["error"]
 
 
 def invoke(monkeypatch: pytest.MonkeyPatch, found: list[Distribution], probe: Probe, *arguments: str) -> Any:
@@ -231,4 +286,9 @@ def test_the_kernel_installed_here_works() -> None:
     assert "the kernel works: it made and checked a face" in result.stdout
     data = json.loads(CliRunner().invoke(cli.app, ["doctor", "--json"]).stdout)
     assert data["problems"] == []
+    installed = [name for name in doctor.HOSTS if importlib.util.find_spec(name)]
+    assert {name: host["error"] for name, host in data["hosts"].items()} == dict.fromkeys(installed, "")
+    for name in installed:
+        assert f"{name} works: it made and checked a GT face" in result.stdout
+        assert data["hosts"][name]["version"] == data["versions"][name]
     assert data["kernel"]["version"] in (data["versions"]["cadquery-ocp-novtk"] or data["versions"]["cadquery-ocp"])

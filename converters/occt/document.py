@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from gtcad.converters.occt.compat import LabelSequence, kernel_module, listed
 from gtcad.converters.occt.originals import Spline
 from gtcad.converters.occt.pieces import ShapeKey, bodies, pieces
-from gtcad.converters.part import Color
+from gtcad.converters.part import Color, Properties
 
 _Quantity = kernel_module("Quantity")
+_gp = kernel_module("gp")
 _TCollection = kernel_module("TCollection")
 _TDataStd = kernel_module("TDataStd")
 _TDF = kernel_module("TDF")
@@ -27,7 +28,8 @@ class Item:
     """A shape with the name and the colour that a file gives it, and perhaps names for its faces in their order.
 
     `originals` holds the B-splines that the file spells out, when the kernel may have moved the last bits of this one;
-    `body` is the solid, or else the shell of several faces, that a face belongs to.
+    `body` is the solid, or else the shell of several faces, that a face belongs to; `product` is the name of the shape
+    in the document that it is a piece of, unless that was moved.
     """
 
     shape: Any
@@ -36,6 +38,8 @@ class Item:
     face_names: tuple[str, ...] = ()
     originals: tuple[Spline, ...] = ()
     body: Any = None
+    properties: Properties | None = None
+    product: str = ""
 
 
 class Document:
@@ -52,6 +56,8 @@ class Document:
         label = self.shapes.AddShape(item.shape, False)
         name = item.name.encode("ascii", "ignore").decode().strip() or "part"
         _TDataStd.TDataStd_Name.Set_s(label, _TCollection.TCollection_ExtendedString(name))
+        if item.properties is not None:
+            _set_properties(label, item.properties)
         return label
 
     def items(self) -> Iterator[Item]:
@@ -62,7 +68,8 @@ class Document:
             yield from self._items(label, _TopLoc.TopLoc_Location(), Item(None, ""))
 
     def _items(self, label: Any, location: Any, outer: Item) -> Iterator[Item]:
-        inherited = Item(None, self._name(label) or outer.name, self._color(label) or outer.color)
+        name, color = self._name(label) or outer.name, self._color(label) or outer.color
+        inherited = Item(None, name, color, product=name)
         if self.shapes.IsReference_s(label):
             referred = _TDF.TDF_Label()
             self.shapes.GetReferredShape_s(label, referred)
@@ -81,7 +88,10 @@ class Document:
         for piece in pieces(shape):
             found, body = own.get(ShapeKey(piece), inherited), around.get(ShapeKey(piece))
             name, color = found.name or inherited.name, found.color or inherited.color
-            yield Item(piece.Moved(location), name, color, body=body)
+            item = Item(piece.Moved(location), name, color, body=body)
+            if location.IsIdentity():  # properties are stated before a shape is moved into its place
+                item = replace(item, product=inherited.product)
+            yield item
 
     def _named_pieces(self, label: Any) -> dict[ShapeKey, Item]:
         """Names and colours of faces and free edges, the narrower sub-shape's before the wider one's."""
@@ -112,3 +122,12 @@ class Document:
                 red, green, blue = (round(value, _COLOR_DIGITS) for value in color.Values(_Quantity.Quantity_TOC_sRGB))
                 return red, green, blue
         return None
+
+
+def _set_properties(label: Any, properties: Properties) -> None:
+    if properties.area is not None:
+        _XCAFDoc.XCAFDoc_Area.Set_s(label, properties.area)
+    if properties.volume is not None:
+        _XCAFDoc.XCAFDoc_Volume.Set_s(label, properties.volume)
+    if properties.centroid is not None:
+        _XCAFDoc.XCAFDoc_Centroid.Set_s(label, _gp.gp_Pnt(*properties.centroid))

@@ -111,10 +111,12 @@ def _style(first: int, target: int, is_face: bool, context: int, color: Color) -
     return [f"#{i} = {kind.format(next=f'#{i + 1}', after=f'#{i + 2}')};" for i, kind in enumerate(kinds, start=first)]
 
 
-def with_styles(data: bytes, styles: Sequence[str]) -> bytes:
-    """The printed file with more entities at the end of its data."""
-    head, end, tail = data.rpartition(b"ENDSEC;")
-    return head + "".join(f"{line}\n" for line in styles).encode("ascii") + end + tail
+def with_entities(data: bytes, first: Sequence[str], last: Sequence[str]) -> bytes:
+    """The printed file with more entities at the beginning and at the end of its data."""
+    before, start, middle = data.partition(b"DATA;\n")
+    middle, end, after = middle.rpartition(b"ENDSEC;")
+    added = ("".join(f"{line}\n" for line in lines).encode("ascii") for lines in (first, last))
+    return b"".join((before, start, next(added), middle, next(added), end, after))
 
 
 def with_names(data: bytes, names: Sequence[str]) -> bytes:

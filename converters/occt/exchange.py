@@ -21,8 +21,8 @@ from gtcad.converters.occt.entities import (
     set_iges_color,
     set_iges_names,
     set_step_header,
+    with_entities,
     with_names,
-    with_styles,
 )
 from gtcad.converters.occt.faces import area, distances_to, volume
 from gtcad.converters.occt.facets import facets
@@ -37,7 +37,9 @@ from gtcad.converters.occt.pieces import (
     is_valid,
     pieces,
 )
+from gtcad.converters.occt.properties import point_entities, stated_properties
 from gtcad.converters.occt.quadrics import is_analytic, make_quadric_face, quadric_of_face
+from gtcad.converters.occt.regions import region_of
 from gtcad.converters.occt.session import READING_IGES, READING_STEP, quiet, session, writing_iges, writing_step
 from gtcad.converters.occt.shells import edge_uses
 from gtcad.converters.occt.topology import TOLERANCE, make_edge, make_face, make_wire
@@ -90,6 +92,7 @@ def step_bytes(items: Sequence[Item], *, schema: Schema, tolerance: float, times
     with session("writing STEP", writing_step(SCHEMAS[schema], tolerance)):
         writer, document = _STEPCAFControl.STEPCAFControl_Writer(), Document()
         writer.SetColorMode(False)  # it orders colours by memory address: they are added below
+        writer.SetPropsMode(schema != "AP203")  # which does not know them
         labels = LabelSequence()
         for item in items:
             labels.Append(document.add(item))
@@ -97,9 +100,10 @@ def step_bytes(items: Sequence[Item], *, schema: Schema, tolerance: float, times
             raise KernelError("the kernel cannot write these shapes to STEP")
         model = writer.ChangeWriter().Model()
         styles, names = finish_step_entities(_entities(model, 0), items, timestamp)
+        points = [] if schema == "AP203" else point_entities(model, items, model.NbEntities() + len(styles) + 1)
         set_step_header(model, timestamp)
         data = _printed(_StepData.StepData_StepWriter(model), _StepAP214.Protocol_s())
-    return with_names(with_styles(data, styles), names)
+    return with_names(with_entities(data, points, styles), names)
 
 
 def _entities(model: Any, done: int) -> Iterator[Any]:
@@ -201,7 +205,9 @@ def step_items(data: bytes) -> list[Item]:
             protect(entity)
         _transfer(reader, work_session, document)
         _check_faces(work_session)
-        return _with_originals(document, step_originals(_entities(work_session.Model(), 0)))
+        items = _with_originals(document, step_originals(_entities(work_session.Model(), 0)))
+        stated = stated_properties(work_session.Model())
+        return [replace(item, properties=stated.get(item.product)) for item in items]
 
 
 def iges_items(path: str) -> list[Item]:
@@ -329,7 +335,7 @@ def _item(i: int, part: Part, halved_ellipses: bool) -> Item:
     except (InputError, KernelError) as error:
         raise type(error)(f"part {i} ({part.name!r}): {error}") from error
     names = tuple(f"{part.name}.{name}" for name in geometry.face_names) if isinstance(geometry, Built) else ()
-    return Item(shape, part.name, part.color, names)
+    return Item(shape, part.name, part.color, names, properties=part.properties)
 
 
 def _shape(geometry: Geometry) -> Any:
@@ -421,6 +427,14 @@ def _part(path: str, i: int, item: Item, body: BodyFacts | None) -> Part:
         trimmed=trimmed,
         reversed=item.shape.Orientation() == _TopAbs.TopAbs_REVERSED,
         valid=valid,
-        face=TrimmedFace(distances_to(item.shape), area(item.shape), partial(facets, item.shape)) if trimmed else None,
+        face=_trimmed_face(item.shape, geometry) if trimmed else None,
         body=body,
+        properties=item.properties,
     )
+
+
+def _trimmed_face(face: Any, geometry: Single) -> TrimmedFace:
+    assert isinstance(geometry, BSplineSurface)
+    with kernel_guard("reading a trimmed face"):
+        region = region_of(face, geometry)
+    return TrimmedFace(distances_to(face), area(face), partial(facets, face), region)

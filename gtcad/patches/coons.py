@@ -87,11 +87,14 @@ class Coons(Patch):
         return np.stack([along_u, along_v], axis=2)
 
     def _built(self) -> SurfaceOfTerms:
+        return SurfaceOfTerms.summed(self._summands())
+
+    def _summands(self) -> list[Term]:
         terms: list[Term] = [(LINEAR, LINEAR, -self._ends().mean(axis=2))]
         for side, c, d in zip(np.eye(2), (self.c0, self.c1), (self.d0, self.d1), strict=True):
             terms.append((c.factors, LINEAR, c.coefficients[:, None] * side[:, None]))
             terms.append((LINEAR, d.factors, side[:, None, None] * d.coefficients))
-        return SurfaceOfTerms.summed(terms)
+        return terms
 
     def transformed(self, matrix: ArrayLike, translation: ArrayLike | None = None) -> Coons:
         """The affine image: points x become ``matrix @ x + translation``."""

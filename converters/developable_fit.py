@@ -1,0 +1,234 @@
+"""Ruled B-spline faces of degree (p, 1) for developables, with their deviation and their twist proved.
+
+A spline face through rulings of a developable is itself not quite developable: its tangent plane turns a little along
+each ruling. Spline and tangents are polynomials on every knot span, so the angle can be bounded there rigorously, as
+``|R| |det(a', b', R)| / (|a' x R| |b' x R|)`` with R = b - a.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtcad.chebyshev import UNIT_ROUNDOFF, nodes, transform
+from gtcad.converters.approximation import Approximation, Bundle
+from gtcad.converters.bspline import BSplineSurface
+from gtcad.converters.certificate import certify_surface, deciding
+from gtcad.converters.exact import IDENTITY, ParameterMap
+from gtcad.converters.fit import Fit, precision_floor
+from gtcad.converters.search import Side, fewest
+from gtcad.converters.spline_basis import Knots, local_values
+from gtcad.errors import InputError, ToleranceBelowPrecision, ToleranceNotMet
+from gtcad.patches._twist import twist_bound
+from gtcad.polynomial import Spanned
+from gtcad.protocol import SeparableSurface
+
+Array = NDArray[np.float64]
+Maps = tuple[ParameterMap, ParameterMap]
+
+_PARTS = (1, 2, 4, 8, 16)  # of each knot span, for a proof of the twist
+_NODES = 32  # values on a part
+_ENOUGH = 1.1  # a proved twist so near the sampled one needs no finer parts
+_ROUNDS = 12  # of tightening
+_EAGER = 0.7  # each takes a little more than seems needed
+_SPANS_OF_A_FAILURE = 64
+
+
+@dataclass(frozen=True, eq=False)
+class DevelopableFit(Fit[BSplineSurface, Maps]):
+    """A ruled spline face, and what was proved of it.
+
+    Attributes
+    ----------
+    twist_deg
+        (lower, upper): bounds of the largest angle, in degrees, between the normals of the spline face along one of its
+        rulings. The upper one is proved, rounding included; the lower one is attained at a sample.
+    tolerance
+        The tolerance that the face was fitted with: the one asked for, or a finer one that the twist needed.
+    """
+
+    twist_deg: tuple[float, float]
+    tolerance: float
+
+
+def fit_developable(
+    patch: SeparableSurface,
+    *,
+    tolerance: float,
+    degree: int = 5,
+    max_twist_deg: float | None = None,
+    continuity: int | None = None,
+    max_spans: int = 4096,
+) -> DevelopableFit:
+    """The ruled B-spline face of degree (p, 1) of the fewest poles that was found within the tolerance, with its proof.
+
+    Parameters
+    ----------
+    patch
+        Linear in v: a developable, or any ruled patch.
+    tolerance
+        Largest distance allowed, in the patch's unit, above 0. It includes the ``definition_error`` of a developable:
+        what is proved is the distance from the exact one.
+    degree
+        p, 3 to 25.
+    max_twist_deg
+        Largest angle allowed between the normals of the spline face along one ruling, in degrees; the tolerance is made
+        finer until the proved angle is within it.
+    continuity
+        Continuity at interior knots, 0 to p - 1; p - 1 unless given.
+    max_spans
+        Largest number of knot spans.
+
+    Raises
+    ------
+    InputError
+        When an argument is out of its range, or the patch is not linear in v.
+    ToleranceBelowPrecision
+        When double precision cannot prove the tolerance for coordinates of this size.
+    ToleranceNotMet
+        When ``max_spans`` are not enough, or no fit that can be proved has so little twist: ``requested`` and
+        ``achieved`` are degrees then.
+
+    Examples
+    --------
+    A quarter of a cylinder, as its tangent planes envelop it:
+
+    >>> from gtcad.patches import PlaneFamily
+    >>> planes = PlaneFamily([[1, 0, 0, 20], [1, 1, 0, 20], [0, 1, 0, 20]])
+    >>> fit = fit_developable(planes.enveloping([0, 0, 1, 0], [0, 0, 1, 30]), tolerance=1e-4)
+    >>> fit.deviation[1] <= 1e-4, fit.twist_deg[1] < 1e-9
+    (True, True)
+    """
+    if patch.factors_v.derivative_bound(2) != 0 or patch.dimension != 3:
+        raise InputError(f"patch must be linear in v, in space, got {type(patch).__name__}")
+    if max_twist_deg is not None and not (max_twist_deg > 0 and math.isfinite(max_twist_deg)):
+        raise InputError(f"max_twist_deg must be a finite number above 0, got {max_twist_deg}")
+    if isinstance(degree, bool) or degree not in range(3, 26):
+        raise InputError(f"degree must be a whole number in [3, 25], got {degree!r}")
+    if not (tolerance > 0 and math.isfinite(tolerance)):
+        raise InputError(f"tolerance must be a finite number above 0, got {tolerance}")
+    side = Side(_boundaries(patch), (degree,), continuity, 0, max_spans)
+    found = _fitted(patch, side, float(tolerance))
+    for _ in range(_ROUNDS):
+        if max_twist_deg is None or found.twist_deg[1] <= max_twist_deg:
+            return found
+        finer = found.tolerance * _EAGER * min(0.5, max_twist_deg / found.twist_deg[1]) ** ((degree + 1) / degree)
+        try:
+            found = _fitted(patch, side, finer)
+        except (ToleranceBelowPrecision, ToleranceNotMet):
+            break
+    if max_twist_deg is None or found.twist_deg[1] <= max_twist_deg:
+        return found
+    spans = len(found.spline.knots_u) - 1
+    limit = f"these are degrees between normals along a ruling, of the finest fit tried, at {found.tolerance:.3g}"
+    raise ToleranceNotMet(max_twist_deg, found.twist_deg[1], spans, limit)
+
+
+def _boundaries(patch: SeparableSurface) -> Bundle:
+    """Both boundaries as one bundle of curves: what is linear between them needs no more."""
+    rows = patch.factors_v.rows(np.array([0.0, 1.0]))
+    return Bundle(patch.factors_u, np.einsum("ijd,jk->ikd", patch.coefficients, rows))
+
+
+def _fitted(patch: SeparableSurface, side: Side, tolerance: float) -> DevelopableFit:
+    size = float(np.sqrt((patch.coefficients**2).sum(axis=-1)).max())
+    floor = size * precision_floor((patch.factors_u, patch.factors_v)) + patch.definition_error
+    if tolerance < floor:
+        raise ToleranceBelowPrecision(tolerance, floor)
+    least = math.inf
+
+    def proof(one: Approximation) -> tuple[BSplineSurface, tuple[float, float]] | None:
+        nonlocal least
+        spline = _face(one, side.bundle.vectors)
+        certificate = deciding(lambda **how: certify_surface(patch, spline, **how), tolerance)
+        least = min(least, certificate.upper)
+        return (spline, (certificate.lower, certificate.upper)) if certificate.upper <= tolerance else None
+
+    # fresh adapted approximations: a side keeps them for one goal
+    fresh = Side(side.bundle, side.degrees, side.continuity, side.end_order, side.max_spans)
+    found = fewest(fresh, tolerance, proof, adapt=True)
+    if found is None:
+        proof(fresh.best_of(min(side.max_spans, _SPANS_OF_A_FAILURE)))
+        raise ToleranceNotMet(tolerance, least, side.max_spans, f"max_spans = {side.max_spans}")
+    return DevelopableFit(found[0], found[1], False, (IDENTITY, IDENTITY), spline_twist_deg(found[0]), tolerance)
+
+
+def _face(one: Approximation, vectors: Array) -> BSplineSurface:
+    knots = one.knots
+    poles = np.einsum("pi,ikd->pkd", one.matrix, vectors)
+    if np.array_equal(poles[0], poles[-1]):
+        poles[-1] = poles[0]
+    return BSplineSurface(poles, knots.breaks, knots.multiplicities, knots.degree, (0.0, 1.0), (2, 2), 1)
+
+
+def spline_twist_deg(spline: BSplineSurface) -> tuple[float, float]:
+    """Bounds of the largest angle between the normals of a ruled spline face along one of its rulings, in degrees.
+
+    Parameters
+    ----------
+    spline
+        Of degree 1 with two rows of poles in v, without weights.
+
+    Returns
+    -------
+    tuple
+        (lower, upper): attained at a sample, and proved, rounding included; infinite when a ruling has no length or no
+        tangent plane at an end, or nearly so.
+
+    Raises
+    ------
+    InputError
+        When the spline is of another kind.
+    """
+    if spline.degree_v != 1 or spline.control_points.shape[1] != 2 or spline.weights is not None or spline.dimension != 3:
+        raise InputError("the spline must be of degree 1 with two rows of poles in v, without weights, in space")
+    lower, upper = 0.0, math.inf
+    for slopes, along in _spanned(spline):
+        normals = [slope.cross(along).values for slope in slopes]
+        sine = np.linalg.norm(np.cross(*normals), axis=-1)
+        lower = max(lower, float(np.arctan2(sine, (normals[0] * normals[1]).sum(axis=-1)).max()))
+        upper = min(upper, twist_bound(*slopes, along))
+        if upper <= _ENOUGH * lower:
+            break
+    return math.degrees(min(lower, upper)), math.degrees(upper)
+
+
+def _spanned(spline: BSplineSurface) -> Iterator[tuple[tuple[Spanned, Spanned], Spanned]]:
+    """The derivatives of both rows of poles and their difference, on finer and finer parts of the knot spans."""
+    knots = Knots.normalised(spline.knots_u, spline.multiplicities_u, spline.degree_u)
+    rows = np.moveaxis(spline.control_points, 1, 0)
+    slopes, hodographs = _hodograph(knots, rows)
+    for parts in _PARTS:
+        first, second = (_on_parts(slopes.subdivided(parts), poles, 4) for poles in hodographs)
+        yield (first, second), _on_parts(knots.subdivided(parts), rows[1] - rows[0], 1)
+
+
+def _hodograph(knots: Knots, rows: Array) -> tuple[Knots, Array]:
+    """Knots and poles of the derivatives of splines with poles of shape (rows, poles, d)."""
+    flat, degree = knots.flat, knots.degree
+    gaps = flat[degree + 1 : -1] - flat[1 : -degree - 1]
+    ends = (degree, *knots.multiplicities[1:-1], degree)
+    return Knots(knots.breaks, ends, degree - 1), degree * np.diff(rows, axis=1) / gaps[:, None]
+
+
+def _on_parts(knots: Knots, poles: Array, units: int) -> Spanned:
+    """A spline on each of its spans; its poles are so many units off, relatively."""
+    columns = knots.first[:, None] + np.arange(knots.degree + 1)
+    values = local_values(knots, nodes(_NODES)) @ poles[columns]
+    count = knots.degree + 1
+    series = transform(count) @ (local_values(knots, nodes(count)) @ poles[columns])
+    sizes = np.linalg.norm(series, axis=2).max(axis=0)
+    sizes += 64 * count * UNIT_ROUNDOFF * sizes.max()
+    taylor = np.zeros(_NODES + 1)
+    degrees = np.arange(count)
+    power = np.ones(count)  # T_j^(k)(1) / k!
+    for k in range(min(count, _NODES + 1)):
+        taylor[k] = float(power @ sizes)
+        power = power * (degrees**2 - k**2) / ((2 * k + 1) * (k + 1))
+    largest = np.linalg.norm(poles[columns], axis=2).max(axis=1)
+    rounding = (6 * count + units) * UNIT_ROUNDOFF * largest
+    return Spanned(values, taylor * (1 + 1e-9), np.repeat(rounding[:, None], _NODES, axis=1))

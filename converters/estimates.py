@@ -1,0 +1,225 @@
+"""Two-sided estimates of the distance of two point sets, by searches from samples that grow denser where it is large.
+
+A sample is at least as near as the search says. So a shape is said to fail only when a sample of it, or of what the
+file holds, has no point of the other within the tolerance even by subdivision.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtcad.converters.figures import Figure
+from gtcad.converters.nearest import Nearest, lattice
+
+Array = NDArray[np.float64]
+
+_LINES = {1: 257, 2: 49}
+_TRIMMED_LINES = 33
+_WORST, _ROUNDS, _FINER = 3, 3, 5  # places that are looked at more closely, how often, and into how many parts
+_SUSPECTS = 12
+_ENOUGH = 0.25  # of the tolerance: a search that comes so near is not begun again
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """What samples tell.
+
+    Attributes
+    ----------
+    verdict
+        "estimated": no sample is farther than the tolerance; "failed": one is; "undecided": it may be.
+    figure_places
+        Parameters of the figure on [0, 1] or its square, shape (n, variables).
+    figure_points
+        Shape (n, 3).
+    vectors
+        From there to what the file holds, shape (n, 3).
+    distances
+        Their lengths; shape (n,).
+    spacing
+        The largest distance of neighbouring samples, in mm.
+    """
+
+    verdict: Literal["estimated", "failed", "undecided"]
+    figure_places: Array
+    figure_points: Array
+    vectors: Array
+    distances: Array
+    spacing: float
+
+    @property
+    def method(self) -> str:
+        """How the figure was had."""
+        return f"nearest points of {len(self.distances)} samples at most {self.spacing:.2g} mm apart"
+
+
+@dataclass(frozen=True, eq=False)
+class _Samples:
+    """Pairs of points that the search found to be nearest, seen from one side."""
+
+    places: Array  # of the figure
+    points: Array  # of the figure
+    others: Array  # of what the file holds
+    distances: Array
+    from_figure: bool
+
+
+def estimated(figure: Figure, pieces: Sequence[Figure], tolerance: float, suspect: Array | None = None) -> Estimate:
+    """Hold the pieces together against a figure.
+
+    Parameters
+    ----------
+    figure, pieces
+        What the model has, and what the file holds of it.
+    tolerance
+        In mm.
+    suspect
+        Parameters of the figure, (variables,), that are looked at besides.
+    """
+    sides = [_from_figure(figure, pieces, tolerance, suspect)]
+    sides += [_from_piece(figure, piece, tolerance) for piece in pieces]
+    spacing = max(gap for _, gap in sides)
+    found = [samples for samples, _ in sides]
+    verdict = _verdict(figure, pieces, found, tolerance)
+    places, points, others, distances = _columns(found)
+    if verdict == "estimated":  # a search may end too far away, where subdivision finds a nearer point
+        distances = np.minimum(distances, tolerance)
+    return Estimate(verdict, places, points, others - points, distances, spacing)
+
+
+def _verdict(
+    figure: Figure, pieces: Sequence[Figure], found: Sequence[_Samples], tolerance: float
+) -> Literal["estimated", "failed", "undecided"]:
+    verdict: Literal["estimated", "undecided"] = "estimated"
+    for samples in found:
+        own, targets = (samples.points, pieces) if samples.from_figure else (samples.others, (figure,))
+        far = samples.distances
+        for place in np.argsort(-far)[:_SUSPECTS]:
+            if far[place] <= tolerance:
+                break
+            answers = [target.is_farther(own[place], tolerance) for target in targets]
+            if all(answer is True for answer in answers):
+                return "failed"
+            if not any(answer is False for answer in answers):
+                verdict = "undecided"
+        else:
+            if np.count_nonzero(far > tolerance) > _SUSPECTS:
+                verdict = "undecided"
+    return verdict
+
+
+# --- from the figure to the pieces ------------------------------------------------------------------------------------
+
+
+def _from_figure(
+    figure: Figure, pieces: Sequence[Figure], tolerance: float, suspect: Array | None
+) -> tuple[_Samples, float]:
+    def look(points: Array, places: Array | None) -> _Samples:
+        found = nearest_of(pieces, points, _ENOUGH * tolerance)
+        known = figure.points.tree.query(points)[1] if places is None else None
+        own = figure.points.places[known] if places is None else places
+        return _Samples(own, points, found.points, found.distances, from_figure=True)
+
+    points, places = _sampled(figure)
+    spacing = _spacing(figure, points, places)
+    if places is not None and suspect is not None:
+        places = np.vstack([places, suspect])
+        points = figure.points.evaluate(places)
+    samples = look(points, places)
+    if places is None:
+        return samples, spacing
+    finer = _closer(figure, places, samples.distances, lambda near: look(figure.points.evaluate(near), near))
+    return _joined([samples, *finer]), spacing
+
+
+def nearest_of(figures: Sequence[Figure], points: Array, enough: float) -> Nearest:
+    """The nearest points of several figures together; figures whose box is too far away are not searched."""
+    variables = figures[0].variables
+    distances = np.full(len(points), np.inf)
+    feet, places = np.full_like(points, np.nan), np.full((len(points), variables), np.nan)
+    gaps = np.array([_box_distances(figure.box, points) for figure in figures])
+    for k in np.argsort(gaps.sum(axis=1)):
+        open_ones = np.flatnonzero((gaps[k] <= distances) & (distances > enough))
+        if not len(open_ones):
+            continue
+        found = figures[k].nearest(points[open_ones], enough=enough)
+        better = found.distances < distances[open_ones]
+        kept = open_ones[better]
+        distances[kept], feet[kept], places[kept] = found.distances[better], found.points[better], found.places[better]
+    return Nearest(distances, feet, places)
+
+
+def _box_distances(box: Array, points: Array) -> Array:
+    """Bounds from below, as far as a box of samples, made a little larger, can tell."""
+    margin = 0.05 * float(np.linalg.norm(box[1] - box[0]))
+    beyond = np.maximum(np.maximum(box[0] - points, points - box[1]), 0.0)
+    return np.maximum(np.linalg.norm(beyond, axis=1) - margin, 0.0)
+
+
+# --- from a piece to the figure ---------------------------------------------------------------------------------------
+
+
+def _from_piece(figure: Figure, piece: Figure, tolerance: float) -> tuple[_Samples, float]:
+    def look(points: Array) -> _Samples:
+        found = figure.nearest(points, enough=_ENOUGH * tolerance)
+        return _Samples(found.places, found.points, points, found.distances, from_figure=False)
+
+    points, places = _sampled(piece)
+    spacing = _spacing(piece, points, places)
+    samples = look(points)
+    if places is None:
+        return samples, spacing
+    finer = _closer(piece, places, samples.distances, lambda near: look(piece.points.evaluate(near)))
+    return _joined([samples, *finer]), spacing
+
+
+# --- samples ----------------------------------------------------------------------------------------------------------
+
+
+def _sampled(figure: Figure) -> tuple[Array, Array | None]:
+    if figure.face is not None and figure.face.region is None:  # only distances from it are known
+        return np.empty((0, 3)), None
+    return figure.sampled(_TRIMMED_LINES if figure.face is not None else _LINES[figure.variables])
+
+
+def _spacing(figure: Figure, points: Array, places: Array | None) -> float:
+    if not len(points):
+        return 0.0
+    if places is None:
+        return figure.size / _TRIMMED_LINES
+    lines = points.reshape(*figure.lines(_LINES[figure.variables]), 3)
+    return max(float(np.linalg.norm(np.diff(lines, axis=axis), axis=-1).max()) for axis in range(figure.variables))
+
+
+def _closer(figure: Figure, places: Array, distances: Array, look: Callable[[Array], _Samples]) -> list[_Samples]:
+    """Denser samples around the worst ones, and around the worst of these."""
+    counts = np.array(figure.lines(_LINES[figure.variables]))
+    worst = places[np.argsort(-distances)[:_WORST]]
+    half = 1.0 / (counts - 1)
+    found: list[_Samples] = []
+    for _ in range(_ROUNDS):
+        steps = lattice(*[np.linspace(-1.0, 1.0, _FINER)] * figure.variables) * half
+        near = np.clip((worst[:, None] + steps).reshape(-1, figure.variables), 0.0, 1.0)
+        samples = look(near)
+        found.append(samples)
+        worst = near[np.argsort(-samples.distances)[:_WORST]]
+        half = half / 2
+    return found
+
+
+def _joined(samples: Sequence[_Samples]) -> _Samples:
+    return _Samples(*_columns(samples), samples[0].from_figure)
+
+
+def _columns(samples: Sequence[_Samples]) -> tuple[Array, Array, Array, Array]:
+    return (
+        np.concatenate([one.places for one in samples]),
+        np.concatenate([one.points for one in samples]),
+        np.concatenate([one.others for one in samples]),
+        np.concatenate([one.distances for one in samples]),
+    )

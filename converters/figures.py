@@ -1,0 +1,261 @@
+"""Curves and surfaces of models and of files in one form, to be held against each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtcad import measure
+from gtcad.chebyshev import gauss_legendre
+from gtcad.composite import Composite
+from gtcad.converters.arcs import curve_of_arc
+from gtcad.converters.bspline import BSplineCurve, BSplineSurface
+from gtcad.converters.nearest import Nearest, PointSet, is_farther, lattice, nearest
+from gtcad.converters.part import Built, EllipseArc, Part, TrimmedFace, Wire
+from gtcad.converters.quadrics import Quadric, surface_of_quadric
+from gtcad.converters.spline_difference import part_of_surface
+from gtcad.protocol import SeparableCurve, SeparableSurface
+
+Array = NDArray[np.float64]
+Geometry = SeparableCurve | SeparableSurface | Composite | BSplineCurve | BSplineSurface
+
+_LEAST, _MOST, _PER_SPAN = {1: 129, 2: 33}, {1: 1025, 2: 97}, 3
+_MARKS = {1: 17, 2: 7}
+_OUTLINE = 257
+_AREA = 1e-5  # relative: what the kernel's area of a face may be off
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """A curve, a chain, or a surface with what it is trimmed to.
+
+    Attributes
+    ----------
+    geometry
+        In mm, in space.
+    face
+        Of surfaces that reach beyond their face: what the kernel knows of it.
+    source
+        What stood in the file, where it is an arc or a quadric.
+    rounding
+        How far, in mm, the geometry may be from what the file says because a part was cut out of it.
+    """
+
+    geometry: Geometry
+    face: TrimmedFace | None = None
+    source: EllipseArc | Quadric | None = None
+    rounding: float = 0.0
+
+    @property
+    def variables(self) -> int:
+        """1 for curves, 2 for surfaces."""
+        return 1 if isinstance(self.geometry, SeparableCurve | Composite | BSplineCurve) else 2
+
+    @property
+    def is_chain(self) -> bool:
+        """Whether it is a chain of curves."""
+        return isinstance(self.geometry, Composite)
+
+    @cached_property
+    def points(self) -> PointSet:
+        """All of the geometry over [0, 1] or its square."""
+        return PointSet.measured(self.variables, *_functions(self.geometry), self.lines())
+
+    def lines(self, least: int | None = None) -> tuple[int, ...]:
+        """How many samples in each direction see every span of a spline."""
+        least = least or _LEAST[self.variables]
+        return tuple(max(least, min(_PER_SPAN * n + 1, _MOST[self.variables])) for n in self._spans)
+
+    @property
+    def _spans(self) -> tuple[int, ...]:
+        match self.geometry:
+            case BSplineCurve():
+                return (len(self.geometry.knots) - 1,)
+            case BSplineSurface():
+                return len(self.geometry.knots_u) - 1, len(self.geometry.knots_v) - 1
+            case Composite():
+                return (len(self.geometry.pieces) * 8,)
+            case _:
+                return (1,) * self.variables
+
+    @cached_property
+    def marks(self) -> Array:
+        """A few points, those of the boundary among them, shape (n, 3)."""
+        if self.face is not None and self.face.region is not None:
+            return self.face.region.sampled(_MARKS[2])
+        count = _MARKS[self.variables] * (len(self.geometry.pieces) if isinstance(self.geometry, Composite) else 1)
+        return self.points.evaluate(lattice(*[np.linspace(0.0, 1.0, count)] * self.variables))
+
+    @cached_property
+    def box(self) -> Array:
+        """Least and largest coordinates of a grid of points, shape (2, 3)."""
+        points = self.marks if self.face is not None else self.points.points
+        return np.stack([points.min(axis=0), points.max(axis=0)])
+
+    @property
+    def size(self) -> float:
+        """The diagonal of the box, in mm."""
+        return float(np.linalg.norm(self.box[1] - self.box[0]))
+
+    def sampled(self, lines: int) -> tuple[Array, Array | None]:
+        """Points of the figure, (n, 3), and their parameters, (n, variables), where these are known."""
+        if self.face is not None:
+            assert self.face.region is not None
+            return self.face.region.sampled(lines), None
+        places = lattice(*(np.linspace(0.0, 1.0, count) for count in self.lines(lines)))
+        return self.points.evaluate(places), places
+
+    def nearest(self, points: Array, *, enough: float = 0.0) -> Nearest:
+        """The nearest points of the figure that were found, what is cut away left out."""
+        if self.face is None:
+            return nearest(points, self.points, enough=enough)
+        region = self.face.region
+        if region is None:
+            unknown = np.full((len(points), self.variables), np.nan)
+            return Nearest(self.face.distances(points), np.full_like(points, np.nan), unknown)
+        found = nearest(points, self.points, enough=enough)
+        distances, feet, places = found.distances.copy(), found.points.copy(), found.places.copy()
+        away = np.ones(len(points), dtype=bool)
+        if region.inside is not None:
+            away = ~region.inside(self.own(places))
+        feet[away] = region.feet(points[away])
+        distances[away] = np.linalg.norm(feet[away] - points[away], axis=1)
+        places[away] = np.nan
+        return Nearest(distances, feet, places)
+
+    def is_farther(self, point: Array, length: float) -> bool | None:
+        """Whether a point is farther than the length from every point of the figure; None when too close to call."""
+        if self.face is not None:
+            return bool(self.face.distances(point[None])[0] > length)
+        return is_farther(point, length, self.points)
+
+    def own(self, places: Array) -> Array:
+        """The geometry's own parameters for those on [0, 1] or its square, shape (n, variables)."""
+        match self.geometry:
+            case BSplineCurve():
+                return _stretched(places, (self.geometry.domain,))
+            case BSplineSurface():
+                return _stretched(places, self.geometry.domain)
+            case Composite():
+                return places * len(self.geometry.pieces)
+            case _:
+                return places
+
+    @cached_property
+    def area(self) -> float:
+        """In mm^2, of surfaces: to about 1e-6 of it."""
+        if self.face is not None:
+            return self.face.area
+        if isinstance(self.geometry, SeparableSurface):
+            return float(measure.area(self.geometry, rtol=1e-9))
+        assert isinstance(self.geometry, BSplineSurface)
+        x, w = gauss_legendre(8)
+        knots = self.geometry.knots_u, self.geometry.knots_v
+        lines, weights = zip(*(_quadrature(one, x, w) for one in knots), strict=True)
+        du, dv = self.geometry.derivatives(lines[0][:, None], lines[1][None, :])
+        return float(weights[0] @ np.linalg.norm(np.cross(du, dv), axis=-1) @ weights[1])
+
+    @cached_property
+    def outline(self) -> float:
+        """Length of the boundary of a surface, as that of polygons, in mm."""
+        line = np.linspace(0.0, 1.0, _OUTLINE)
+        total = 0.0
+        for fixed in (0.0, 1.0):
+            for axis in (0, 1):
+                places = np.full((_OUTLINE, 2), fixed)
+                places[:, axis] = line
+                steps = np.diff(self.points.evaluate(places), axis=0)
+                total += float(np.linalg.norm(steps, axis=1).sum())
+        return total
+
+
+def _quadrature(knots: Array, x: Array, w: Array) -> tuple[Array, Array]:
+    half = np.diff(knots)[:, None] / 2
+    return ((knots[:-1, None] + half) + half * x).reshape(-1), (half * w).reshape(-1)
+
+
+def _stretched(places: Array, domain: tuple[tuple[float, float], ...]) -> Array:
+    first, last = np.array(domain).T
+    return np.asarray(np.clip(first * (1 - places) + last * places, first, last))
+
+
+def _functions(geometry: Geometry) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
+    """Points and derivatives over [0, 1] or its square."""
+    match geometry:
+        case SeparableCurve():
+            return lambda p: geometry.evaluate(p[:, 0]), lambda p: geometry.derivative(p[:, 0])[:, None]
+        case Composite():
+            count = len(geometry.pieces)
+            return (
+                lambda p: geometry.evaluate(count * p[:, 0]),
+                lambda p: count * geometry.derivative(count * p[:, 0])[:, None],
+            )
+        case BSplineCurve():
+            ends = (geometry.domain,)
+            length = ends[0][1] - ends[0][0]
+            return (
+                lambda p: geometry.evaluate(_stretched(p, ends)[:, 0]),
+                lambda p: length * geometry.derivative(_stretched(p, ends)[:, 0])[:, None],
+            )
+        case SeparableSurface():
+            return (
+                lambda p: geometry.evaluate(p[:, 0], p[:, 1]),
+                lambda p: np.stack([geometry.derivative(*p.T, orders) for orders in ((1, 0), (0, 1))], axis=1),
+            )
+    domain = geometry.domain
+    lengths = np.array([last - first for first, last in domain])
+    return (
+        lambda p: geometry.evaluate(*_stretched(p, domain).T),
+        lambda p: np.stack(geometry.derivatives(*_stretched(p, domain).T), axis=1) * lengths[:, None],
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A part of a file, and its number there."""
+
+    index: int
+    part: Part
+    figure: Figure
+
+
+def figure_of(shape: SeparableCurve | SeparableSurface | Composite) -> Figure:
+    """A shape of a model, plane ones at z = 0."""
+    return Figure(shape if shape.dimension == 3 else shape.transformed(np.eye(3, 2)))
+
+
+def figure_of_part(part: Part) -> Figure:
+    """A part of a file; a face that is a parameter rectangle of its surface is that part of it, untrimmed."""
+    geometry = part.geometry
+    assert not isinstance(geometry, Wire | Built)
+    if isinstance(geometry, EllipseArc):
+        return Figure(curve_of_arc(geometry), source=geometry)
+    if isinstance(geometry, Quadric):
+        return Figure(surface_of_quadric(geometry), source=geometry)
+    if isinstance(geometry, BSplineSurface) and part.trimmed:
+        face = part.face or TrimmedFace(lambda points: np.full(len(points), np.nan), np.nan)
+        if face.region is not None and face.region.rectangle is not None:
+            spline, rounding = part_of_surface(geometry, face.region.rectangle)
+            return Figure(spline, rounding=rounding)
+        return Figure(geometry, face)
+    return Figure(geometry)
+
+
+def scaled(figure: Figure, factor: float) -> Figure:
+    """The figure larger by a factor, untrimmed."""
+    geometry = figure.geometry
+    if isinstance(geometry, BSplineCurve | BSplineSurface):
+        return Figure(replace(geometry, control_points=factor * geometry.control_points))
+    return Figure(geometry.transformed(factor * np.eye(3)))
+
+
+def areas_differ(figure: Figure, pieces: tuple[Figure, ...], tolerance: float) -> str:
+    """What to say where the pieces have another area than the figure, beyond what the tolerance explains."""
+    wanted, held = figure.area, sum(piece.area for piece in pieces)
+    if abs(held - wanted) <= 2 * tolerance * figure.outline + _AREA * wanted:
+        return ""
+    return f"its area is {held:.6g} mm^2, the model's {wanted:.6g} mm^2"

@@ -1,0 +1,148 @@
+"""Every developable shape of a model as flat patterns, side by side."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from gtcad._entries import ModelShape
+from gtcad.composite import Composite
+from gtcad.converters.flat_outline import Sheet, draw_pattern
+from gtcad.errors import InputError, NotDevelopable, ToleranceBelowPrecision, ToleranceNotMet
+from gtcad.flat_curves import FlatCurve
+from gtcad.flat_pattern import FlatPattern, develop
+from gtcad.flat_strip import FlatStrip, develop_strip
+from gtcad.model import Model
+from gtcad.protocol import SeparableCurve
+from gtcad.quilt import Quilt
+from gtcad.solid import Solid
+
+
+@dataclass(frozen=True, eq=False)
+class Unrolled:
+    """A shape of a model as a flat pattern.
+
+    Attributes
+    ----------
+    name
+        Its name in the model.
+    sheet
+        As it is drawn; None when it cannot be unrolled.
+    facts
+        Plain data of the pattern: patches, area, twist_deg, twist_at, strain.
+    error
+        Why there is no sheet; empty when there is one.
+    """
+
+    name: str
+    sheet: Sheet | None
+    facts: Mapping[str, Any]
+    error: str = ""
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data, for tables and JSON; lengths in mm."""
+        if self.sheet is None:
+            return {"name": self.name, "error": self.error}
+        low, high = self.sheet.box
+        crossing = self.sheet.overlap
+        return {
+            "name": self.name,
+            **self.facts,
+            "size": (high - low).tolist(),
+            "outline": self.sheet.cut[0].length,
+            "holes": len(self.sheet.cut) - 1,
+            "marks": len(self.sheet.mark),
+            "bend_lines": len(self.sheet.bend),
+            "deviation": self.sheet.deviation,
+            "overlap": None if crossing is None else list(crossing.point),
+        }
+
+
+def unroll_model(
+    model: Model, *, tolerance: float, bend_lines: int = 0, twist_deg: float = 1e-6, only: Collection[str] = ()
+) -> Iterator[Unrolled]:
+    """The flat patterns of the surfaces and quilts of a model one by one, going on where one cannot be unrolled.
+
+    Parameters
+    ----------
+    model
+        Curves and shapes for construction are left out.
+    tolerance
+        The largest distance of the drawing from the development, in mm.
+    bend_lines, twist_deg
+        As of ``draw_pattern`` and ``develop``.
+    only
+        Names of the shapes that are meant; all when empty.
+
+    Raises
+    ------
+    InputError
+        When there is no shape of such a name, or it is for construction.
+    """
+    shapes = model.in_millimetres()
+    for name in only:
+        if name not in shapes:
+            raise InputError(f"the model has no shape {name!r} to unroll; it has {', '.join(map(repr, shapes))}")
+    for name, shape in shapes.items():
+        if (only and name not in only) or isinstance(shape, SeparableCurve | Composite):
+            continue
+        try:
+            yield _unrolled(model, name, shape, tolerance, bend_lines, twist_deg)
+        except NotDevelopable as error:
+            yield Unrolled(name, None, {}, error.reason)
+        except (ToleranceNotMet, ToleranceBelowPrecision) as error:
+            yield Unrolled(name, None, {}, str(error))
+
+
+def curves_of(model: Model, only: Collection[str] = ()) -> list[str]:
+    """The names of the curves that are left out."""
+    shapes = model.in_millimetres()
+    return [
+        name
+        for name, shape in shapes.items()
+        if isinstance(shape, SeparableCurve | Composite) and (not only or name in only)
+    ]
+
+
+def _unrolled(
+    model: Model, name: str, shape: ModelShape, tolerance: float, bend_lines: int, twist_deg: float
+) -> Unrolled:
+    if isinstance(shape, Solid):
+        raise NotDevelopable("it is a solid; a quilt of the patches that share rulings can be unrolled")
+    pattern = develop_strip(shape, twist_deg=twist_deg) if isinstance(shape, Quilt) else develop(shape, twist_deg=twist_deg)  # type: ignore[arg-type]
+    holes, marks = (_markings(model, name, pattern, hole) for hole in (True, False))
+    sheet = draw_pattern(
+        pattern, tolerance=tolerance, name=name, bend_lines=bend_lines, holes=holes, marks=marks
+    )
+    return Unrolled(name, sheet, _facts(pattern))
+
+
+def _facts(pattern: FlatPattern | FlatStrip) -> dict[str, Any]:
+    parts = pattern.patterns if isinstance(pattern, FlatStrip) else (pattern,)
+    losses = [part.loss for part in parts]
+    worst = max(losses, key=lambda loss: loss.twist_deg)
+    return {
+        "patches": len(parts),
+        "area": float(pattern.area),
+        "surface_area": math.fsum(loss.area[1] for loss in losses),
+        "twist_deg": worst.twist_deg,
+        "twist_at": worst.twist_at,
+        "strain": max(loss.strain for loss in losses),
+        "error": pattern.error,
+    }
+
+
+def _markings(model: Model, name: str, pattern: FlatPattern | FlatStrip, hole: bool) -> Sequence[FlatCurve]:
+    """The curves that the model states on a shape, in the plane."""
+    found = []
+    for marking in model.markings:
+        patch = marking.on.removeprefix(f"{name}.") if isinstance(pattern, FlatStrip) else ""
+        wanted = f"{name}.{patch}" if isinstance(pattern, FlatStrip) else name
+        if marking.hole is not hole or marking.on != wanted or marking.on in model.shapes and marking.on != name:
+            continue
+        curve = model[marking.curve]
+        assert isinstance(curve, SeparableCurve | Composite)
+        found.append(pattern.image(patch, curve) if isinstance(pattern, FlatStrip) else pattern.image(curve))
+    return found
