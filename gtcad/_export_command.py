@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+from datetime import datetime
 from typing import Annotated, Any
 
 import typer
@@ -34,6 +35,9 @@ SchemaOption = Annotated[
 TimestampOption = Annotated[
     str, typer.Option("--timestamp", metavar="TIME", help="The time to write instead of now, for equal bytes.")
 ]
+CertificateOption = Annotated[
+    str, typer.Option("--certificate", metavar="JSON", help="Also check OUT and write what was proved of it.")
+]
 
 
 @guarded
@@ -50,6 +54,7 @@ def export(
     no_exact: NoExactOption = False,
     schema: SchemaOption = "",
     timestamp: TimestampOption = "",
+    certificate: CertificateOption = "",
     as_json: JsonOption = False,
 ) -> None:
     """Fit every shape of a MODEL within the tolerance, prove it, and write the splines, or triangles, to OUT."""
@@ -63,7 +68,9 @@ def export(
         raise typer.BadParameter(f"is for STEP files, not {form}", param_hint="'--schema'")
     chosen = option("--schema", options.schema, schema or "AP242")
     moment = option("--timestamp", options.timestamp, timestamp) if timestamp else None
-    _check_output(model, output)
+    check_output(model, output)
+    if certificate:
+        _check_certificate(certificate, model, output)
 
     from gtcad.converters import jobs
     from gtcad.model import load_model
@@ -96,6 +103,29 @@ def export(
     if failures:
         tables.message(f"Error: {output} is not written")
         raise typer.Exit(int(Code.FAILED))
+    if certificate:
+        _certify(model, output, form, settings["tolerance"], certificate, moment)
+
+
+def _check_certificate(certificate: str, model: str, output: str) -> None:
+    """Refuse a certificate's file that is another one of the command, or that has no folder."""
+    if os.path.splitext(certificate)[1].lower() != ".json":
+        raise typer.BadParameter(f"must end in .json, got {certificate!r}", param_hint="'--certificate'")
+    if os.path.abspath(certificate) in (os.path.abspath(model), os.path.abspath(output)):
+        raise typer.BadParameter(f"must be a file of its own, got {certificate!r}", param_hint="'--certificate'")
+    check_output(model, certificate)
+
+
+def _certify(model: str, output: str, form: str, tolerance: float, certificate: str, moment: datetime | None) -> None:
+    """Check what was written, and write the certificate."""
+    from gtcad.converters.file_certificate import certificate_of, write_certificate
+    from gtcad.converters.outcome import MODEL, Job, run_job
+
+    outcome = run_job(Job(output, form, model, MODEL, tolerance))
+    if outcome.code != Code.FINE:
+        tables.message(f"Error: {output} does not pass its check: there is no certificate")
+        raise typer.Exit(outcome.code)
+    write_certificate(certificate, certificate_of(outcome, moment and moment.isoformat(timespec="seconds")))
 
 
 def _export_mesh(context: typer.Context, model: str, output: str, tolerance: str, *, as_json: bool) -> None:
@@ -105,7 +135,7 @@ def _export_mesh(context: typer.Context, model: str, output: str, tolerance: str
         if source is not None and source.name != "DEFAULT":
             raise typer.BadParameter("is for splines, not for triangles", param_hint=f"'{flag}'")
     allowed = option("--tolerance", options.length, tolerance)
-    _check_output(model, output)
+    check_output(model, output)
 
     from gtcad.converters import jobs
     from gtcad.model import load_model
@@ -142,7 +172,8 @@ def _fit_settings(
     return settings
 
 
-def _check_output(model: str, output: str) -> None:
+def check_output(model: str, output: str) -> None:
+    """Refuse a file to write that is the model, or that has no folder."""
     with contextlib.suppress(OSError, ValueError):
         if os.path.samefile(model, output):
             raise typer.BadParameter(f"is the model itself: {output!r}", param_hint="'--output'")

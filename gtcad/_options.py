@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import Literal
@@ -12,9 +13,12 @@ from gtcad._documents import SUFFIXES
 
 FORMATS = {".step": "STEP", ".stp": "STEP", ".igs": "IGES", ".iges": "IGES", ".brep": "BREP"}
 MESHES = {".stl": "STL", ".glb": "GLB", ".3mf": "3MF"}
+REPORTS = (".html", ".pdf", ".png")
 Schema = Literal["AP242", "AP214", "AP203"]
 SCHEMAS: tuple[Schema, ...] = ("AP242", "AP214", "AP203")
 MILLIMETRES = {"": 1.0, "mm": 1.0, "um": 1e-3, "nm": 1e-6, "cm": 10.0, "m": 1e3, "in": 25.4, "ft": 304.8}
+DURATIONS = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0}
+SIZES = {"": 1.0, "kb": 1 << 10, "mb": 1 << 20, "gb": 1 << 30}
 FOR_SPLINES = {
     "degree": "--degree",
     "max_degree": "--max-degree",
@@ -23,9 +27,13 @@ FOR_SPLINES = {
     "no_exact": "--no-exact",
     "schema": "--schema",
     "timestamp": "--timestamp",
+    "certificate": "--certificate",
 }
+DRAWINGS = {".dxf": "DXF", ".svg": "SVG"}
+MOST_BEND_LINES = 1000
 DEGREES = (3, 25)
 END_ORDERS = (0, 3)
+MOST_TWIST = 45.0
 
 _LENGTH = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*([a-z]*)", re.IGNORECASE)
 
@@ -88,6 +96,37 @@ def timestamp(text: str) -> datetime:
         raise Refused(f"must be a time such as 2024-05-31T12:00:00, got {text!r}") from None
 
 
+def seconds(text: str) -> float | None:
+    """A positive time in seconds from a text such as "90", "90s", "10min" or "2h"; None for "off"."""
+    return _measure(text, DURATIONS, "a time such as 90, 10min or 2h")
+
+
+def size(text: str) -> int | None:
+    """A positive size in bytes from a text such as "512MB" or "8GB"; None for "off"."""
+    value = _measure(text, SIZES, "a size such as 2000MB or 8GB")
+    return None if value is None else int(value)
+
+
+def _measure(text: str, units: Mapping[str, float], wanted: str) -> float | None:
+    if text.strip().lower() == "off":
+        return None
+    match = _LENGTH.fullmatch(text.strip())
+    unit = units.get(match[2].lower()) if match else None
+    if match is None or unit is None:
+        raise Refused(f"must be {wanted}, or off, got {text!r}")
+    value = float(match[1]) * unit
+    if not 0 < value < math.inf:
+        raise Refused(f"must be positive and finite, or off, got {text!r}")
+    return value
+
+
+def report_path(path: str) -> str:
+    """The name of a report."""
+    if Path(path).suffix.lower() not in REPORTS:
+        raise Refused(f"must end in one of {', '.join(REPORTS)}, got {path!r}")
+    return path
+
+
 def exchange_format(path: str) -> str:
     """STEP, IGES or BREP, by the suffix of the file's name."""
     suffix = Path(path).suffix.lower()
@@ -106,11 +145,35 @@ def export_format(path: str) -> str:
     return FORMATS[suffix]
 
 
+def drawing_format(path: str) -> str:
+    """DXF or SVG, by the suffix of the file's name."""
+    suffix = Path(path).suffix.lower()
+    if suffix not in DRAWINGS:
+        raise Refused(f"must end in one of {', '.join(DRAWINGS)}, got {path!r}")
+    return DRAWINGS[suffix]
+
+
+def twist(text: str) -> float:
+    """An angle of twist in degrees, from 0 to 45."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0 <= value <= MOST_TWIST:
+        raise Refused(f"must be an angle in degrees from 0 to {MOST_TWIST:g}, got {text!r}")
+    return value
+
+
 def model_path(path: str) -> str:
     """The name of a model file."""
     if Path(path).suffix.lower() not in SUFFIXES:
         raise Refused(f"must be a model, ending in {' or '.join(SUFFIXES)}, got {path!r}")
     return path
+
+
+def is_model(path: str) -> bool:
+    """Whether a file is a model, by the suffix of its name."""
+    return Path(path).suffix.lower() in SUFFIXES
 
 
 def any_format(path: str) -> str:
