@@ -226,6 +226,24 @@ class BodyFacts:
     volume: Callable[[], Estimate]
 
 
+@dataclass(frozen=True)
+class Measured:
+    """What the kernel measures of faces, and of the solid that they bound.
+
+    Attributes
+    ----------
+    area, centroid
+        Of the faces together, in mm^2 and mm.
+    volume, volume_centroid
+        Of the solid, in mm^3 and mm; None when the faces do not bound one.
+    """
+
+    area: float
+    centroid: tuple[float, float, float]
+    volume: float | None
+    volume_centroid: tuple[float, float, float] | None
+
+
 @dataclass(frozen=True, eq=False)
 class Properties:
     """What a file states of a shape besides the shape, for readers to compare: validation properties.
@@ -240,12 +258,18 @@ class Properties:
         In mm: of the volume of a solid, else of the area; None when it is not stated.
     points
         On the faces, shape (n, 3), in mm; none when they are not stated.
+    measured
+        Measures the same of what the file holds; None in what is to be written.
+    name
+        Of the shape; empty in what is to be written.
     """
 
     area: float | None
     volume: float | None
     centroid: tuple[float, float, float] | None
     points: Array
+    measured: Callable[[], Measured] | None = None
+    name: str = ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,7 @@ from gtcad.converters.occt.entities import (
     with_entities,
     with_names,
 )
-from gtcad.converters.occt.faces import area, distances_to, volume
+from gtcad.converters.occt.faces import area, distances_to, measured, volume
 from gtcad.converters.occt.facets import facets
 from gtcad.converters.occt.geometry import halves, is_full_ellipse
 from gtcad.converters.occt.originals import Spline, iges_originals, protect, restored, step_originals
@@ -43,7 +43,7 @@ from gtcad.converters.occt.regions import region_of
 from gtcad.converters.occt.session import READING_IGES, READING_STEP, quiet, session, writing_iges, writing_step
 from gtcad.converters.occt.shells import edge_uses
 from gtcad.converters.occt.topology import TOLERANCE, make_edge, make_face, make_wire
-from gtcad.converters.part import BodyFacts, Built, EllipseArc, Geometry, Part, Single, TrimmedFace, Wire
+from gtcad.converters.part import BodyFacts, Built, EllipseArc, Geometry, Part, Properties, Single, TrimmedFace, Wire
 from gtcad.converters.quadrics import ENTITIES, Quadric
 from gtcad.errors import FileError, InputError, KernelError
 
@@ -391,7 +391,28 @@ def parts_of(path: str, kind: str, read: Callable[[], list[Item]]) -> list[Part]
         if item.body is not None and ShapeKey(item.body) not in facts:
             facts[ShapeKey(item.body)] = _facts(item.body)
     bodies_of = [None if item.body is None else facts[ShapeKey(item.body)] for item in items]
-    return [_part(path, i, item, body) for i, (item, body) in enumerate(zip(items, bodies_of, strict=True))]
+    stated = _measurable(items)
+    return [
+        replace(_part(path, i, item, body), properties=stated.get(id(item.properties)))
+        for i, (item, body) in enumerate(zip(items, bodies_of, strict=True))
+    ]
+
+
+def _measurable(items: Sequence[Item]) -> dict[int, Properties]:
+    """What the file states of products, by its identity, with the means to measure the same of their faces."""
+    products: dict[int, list[Item]] = {}
+    for item in items:
+        if item.properties is not None:
+            products.setdefault(id(item.properties), []).append(item)
+    found = {}
+    for own in products.values():
+        faces = [item.shape for item in own if item.shape.ShapeType() == _TopAbs.TopAbs_FACE]
+        bodies = {ShapeKey(item.body): item.body for item in own if item.body is not None}
+        solids = [body for body in bodies.values() if body.ShapeType() == _TopAbs.TopAbs_SOLID]
+        solid = solids[0] if len(solids) == len(bodies) == 1 else None
+        assert own[0].properties is not None
+        found[id(own[0].properties)] = replace(own[0].properties, measured=partial(measured, faces, solid))
+    return found
 
 
 def _facts(body: Any) -> BodyFacts:
@@ -429,7 +450,6 @@ def _part(path: str, i: int, item: Item, body: BodyFacts | None) -> Part:
         valid=valid,
         face=_trimmed_face(item.shape, geometry) if trimmed else None,
         body=body,
-        properties=item.properties,
     )
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from gtcad.converters.bspline import Array
 from gtcad.converters.occt.compat import kernel_guard, kernel_module
+from gtcad.converters.part import Measured
 from gtcad.measure import Estimate
 
 _BRepBuilderAPI = kernel_module("BRepBuilderAPI")
@@ -16,6 +17,8 @@ _BRepExtrema = kernel_module("BRepExtrema")
 _BRepGProp = kernel_module("BRepGProp").BRepGProp
 _GProp = kernel_module("GProp")
 _gp = kernel_module("gp")
+
+_ACCURACY = 1e-9
 
 
 def distances_to(face: Any) -> Callable[[Array], Array]:
@@ -39,6 +42,26 @@ def area(face: Any) -> float:
     properties = _GProp.GProp_GProps()
     _BRepGProp.SurfaceProperties_s(face, properties, 1e-7)
     return float(properties.Mass())
+
+
+def measured(faces: Sequence[Any], solid: Any) -> Measured:
+    """Area and centre of gravity of faces, to about 1e-7, and volume and centre of the solid, if it is one."""
+    with kernel_guard("measuring a shape"):
+        shell = _GProp.GProp_GProps()
+        for face in faces:
+            own = _GProp.GProp_GProps()
+            _BRepGProp.SurfaceProperties_s(face, own, _ACCURACY)
+            shell.Add(own)
+        body = _GProp.GProp_GProps()
+        if solid is None:
+            return Measured(float(shell.Mass()), _centre(shell), None, None)
+        _BRepGProp.VolumeProperties_s(solid, body, _ACCURACY)
+        return Measured(float(shell.Mass()), _centre(shell), float(body.Mass()), _centre(body))
+
+
+def _centre(properties: Any) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in properties.CentreOfMass().Coord())
+    return x, y, z
 
 
 def volume(solid: Any, *, rtol: float) -> Estimate:

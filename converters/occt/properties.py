@@ -75,14 +75,14 @@ def stated_properties(model: Any) -> dict[str, Properties]:
             own = found.setdefault(_text(product.Name()), {})
             own.setdefault(_text(representation.Name()), []).append(values)
     names = [_text(entity.Name()) for entity in _entities(model) if type(entity).__name__ == "StepBasic_Product"]
-    return {name: _properties(stated) for name, stated in found.items() if names.count(name) == 1}
+    return {name: _properties(name, stated) for name, stated in found.items() if names.count(name) == 1}
 
 
-def _properties(stated: Mapping[str, Sequence[Array]]) -> Properties:
+def _properties(name: str, stated: Mapping[str, Sequence[Array]]) -> Properties:
     """The one area, volume and centre that are stated; several, of parts of a product, say nothing of the whole."""
 
-    def only(name: str, size: int) -> list[float] | None:
-        values = stated.get(name, ())
+    def only(quantity: str, size: int) -> list[float] | None:
+        values = stated.get(quantity, ())
         return values[0].reshape(-1).tolist() if len(values) == 1 and values[0].size == size else None
 
     area, volume, centre = only(_AREA, 1), only(_VOLUME, 1), only(_CENTRE, 3)
@@ -92,6 +92,7 @@ def _properties(stated: Mapping[str, Sequence[Array]]) -> Properties:
         None if volume is None else volume[0],
         None if centre is None else (centre[0], centre[1], centre[2]),
         np.concatenate([np.empty((0, 3)), *points]),
+        name=name,
     )
 
 
