@@ -76,7 +76,7 @@
     const toggles = [...section.querySelectorAll("button[data-lines]")];
     const colours = [...section.querySelectorAll("button[data-mode]")];
     const tolerance = section.querySelector("button[data-tolerance]");
-    const state = { mode: colours.find((one) => one.getAttribute("aria-pressed") === "true").dataset.mode, selected: -1, mark: null, row: null };
+    const state = { mode: colours.find((one) => one.getAttribute("aria-pressed") === "true").dataset.mode, chosen: null, mark: null, row: null };
     let scene = null, eye = null, waiting = false, look = null;
 
     function start() {
@@ -146,7 +146,7 @@
       const ratio = Math.min(2, window.devicePixelRatio || 1), box = canvas.getBoundingClientRect();
       const fine = View.renderer().name === "WebGL" ? ratio : 1;
       const width = Math.max(1, Math.round(box.width * fine)), height = Math.max(1, Math.round(box.height * fine));
-      look.selected = state.selected;
+      look.faded = Float32Array.from(scene.owners, (face) => (state.chosen && !state.chosen.has(face) ? 1 : 0));
       const picture = View.drawn(scene, eye, look, width, height);
       section.dataset.renderer = View.renderer().name;
       if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
@@ -197,7 +197,7 @@
       for (const old of section.querySelectorAll("tr button.name[aria-pressed=true]")) old.setAttribute("aria-pressed", "false");
       state.row = row;
       state.mark = null;
-      state.selected = -1;
+      state.chosen = null;
       summary.replaceChildren();
       if (!row) {
         summary.textContent = hint;
@@ -208,7 +208,7 @@
       const button = row.querySelector("button.name");
       if (button) button.setAttribute("aria-pressed", "true");
       const faces = (row.dataset.faces || "").split(" ").filter(Boolean).map(Number);
-      state.selected = faces.length === 1 ? faces[0] : -1;
+      state.chosen = faces.length ? new Set(faces) : null;
       if (row.dataset.point) state.mark = { point: JSON.parse(row.dataset.point).map((x, k) => x - data.box.middle[k]), vector: row.dataset.vector ? JSON.parse(row.dataset.vector) : null };
       describe(row);
       redraw();

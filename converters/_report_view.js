@@ -34,12 +34,12 @@ const View = (() => {
   // --- WebGL: one context for all views of the page ---
 
   const FACE_VERTEX = `
-    attribute vec3 place; attribute vec3 normal; attribute float value; attribute float face;
-    uniform mat3 turn; uniform vec3 shift; uniform vec3 scale; uniform float selected;
+    attribute vec3 place; attribute vec3 normal; attribute float value; attribute float fade;
+    uniform mat3 turn; uniform vec3 shift; uniform vec3 scale; 
     varying vec3 across; varying float known; varying float faded;
     void main() {
       across = turn * normal; known = value;
-      faded = selected >= 0.0 && abs(face - selected) > 0.5 ? 1.0 : 0.0;
+      faded = fade;
       gl_Position = vec4((turn * place + shift) * scale, 1.0);
     }`;
   const FACE_FRAGMENT = `
@@ -115,7 +115,7 @@ const View = (() => {
       for (const old of Object.values(buffers)) (Array.isArray(old) ? old : [old]).forEach((one) => gl.deleteBuffer(one));
       buffers = {
         place: buffer(scene.places, gl.ARRAY_BUFFER), normal: buffer(scene.normals, gl.ARRAY_BUFFER),
-        face: buffer(scene.owners, gl.ARRAY_BUFFER), index: buffer(scene.triangles, gl.ELEMENT_ARRAY_BUFFER),
+        index: buffer(scene.triangles, gl.ELEMENT_ARRAY_BUFFER),
         line: scene.lines.map((group) => buffer(quads(group), gl.ARRAY_BUFFER)),
       };
       loaded = scene;
@@ -158,10 +158,10 @@ const View = (() => {
       for (let i = 0; i < 4; i++) gl.disableVertexAttribArray(i);
       if (scene.triangles.length) {
         common(faces, eye, width, height);
-        const value = buffer(look.values, gl.ARRAY_BUFFER);
+        const [value, fade] = [look.values, look.faded].map((data) => buffer(data, gl.ARRAY_BUFFER));
         attribute(faces, "place", buffers.place, 3);
         attribute(faces, "normal", buffers.normal, 3, gl.SHORT, 8);
-        attribute(faces, "face", buffers.face, 1);
+        attribute(faces, "fade", fade, 1);
         attribute(faces, "value", value, 1);
         gl.bindTexture(gl.TEXTURE_2D, texture);
         gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, 256, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, look.colours);
@@ -169,10 +169,9 @@ const View = (() => {
           gl.texParameteri(gl.TEXTURE_2D, gl["TEXTURE_" + name], gl[kind]);
         gl.uniform1i(gl.getUniformLocation(faces, "mode"), look.mode);
         gl.uniform2f(gl.getUniformLocation(faces, "range"), look.range[0], look.range[1]);
-        gl.uniform1f(gl.getUniformLocation(faces, "selected"), look.selected);
         gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffers.index);
         gl.drawElements(gl.TRIANGLES, scene.triangles.length, gl.UNSIGNED_INT, 0);
-        gl.deleteBuffer(value);
+        [value, fade].forEach((one) => gl.deleteBuffer(one));
       }
       for (let i = 0; i < 4; i++) gl.disableVertexAttribArray(i);
       const k = common(lines, eye, width, height);
@@ -224,7 +223,7 @@ const View = (() => {
     }
 
     function fill({ pixels, depth, width, height }, scene, xyz, eye, look) {
-      const { triangles, normals, owners } = scene, m = axes(eye), colour = [0, 0, 0];
+      const { triangles, normals } = scene, m = axes(eye), colour = [0, 0, 0];
       for (let t = 0; t < triangles.length; t += 3) {
         const [a, b, c] = [triangles[t], triangles[t + 1], triangles[t + 2]];
         const [ax, ay, bx, by, cx, cy] = [xyz[3 * a], xyz[3 * a + 1], xyz[3 * b], xyz[3 * b + 1], xyz[3 * c], xyz[3 * c + 1]];
@@ -232,7 +231,7 @@ const View = (() => {
         if (Math.abs(area) < 1e-9) continue;
         const left = Math.max(0, Math.ceil(Math.min(ax, bx, cx) - 0.5)), right = Math.min(width - 1, Math.floor(Math.max(ax, bx, cx) - 0.5));
         const top = Math.max(0, Math.ceil(Math.min(ay, by, cy) - 0.5)), low = Math.min(height - 1, Math.floor(Math.max(ay, by, cy) - 0.5));
-        const faded = look.selected >= 0 && owners[a] !== look.selected ? 0.86 : 0;
+        const faded = 0.86 * look.faded[a];
         for (let y = top; y <= low; y++) {
           for (let x = left; x <= right; x++) {
             const [px, py] = [x + 0.5, y + 0.5];

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import time
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
@@ -134,10 +135,15 @@ def _in_threads(jobs: Sequence[Job], runner: Runner, workers: int) -> Iterator[t
     from joblib import Parallel, delayed
 
     parallel = Parallel(n_jobs=workers, backend="threading", return_as="generator_unordered", pre_dispatch="n_jobs")
+    found = parallel(delayed(attempt)(job, runner) for job in jobs)
     try:
-        yield from parallel(delayed(attempt)(job, runner) for job in jobs)
+        for ended in found:  # noqa: UP028 - `yield from` would close the threads before their processes
+            yield ended
     finally:
-        runner.stop()  # when we are interrupted: the threads wait for their processes
+        runner.stop()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # that tasks were cancelled
+            found.close()
 
 
 def attempt_on_worker(job: Job, timeout: float | None, memory: int | None) -> Outcome:
@@ -159,7 +165,7 @@ def _on_cluster(jobs: Sequence[Job], scheduler: str, runner: Runner) -> Iterator
             client.submit(attempt_on_worker, job, runner.timeout, runner.memory, pure=False): job for job in jobs
         }
         try:
-            for future in as_completed(list(futures)):
+            for future in as_completed(list(futures), loop=client.loop):
                 yield futures[future], _gathered(future, futures[future])
                 future.release()
         finally:

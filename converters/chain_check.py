@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 _GUESS = np.linspace(0.0, 1.0, 17)
 _NEAR = 0.05  # of the largest piece: when edges are too few or too many, one this near stands for a piece, good or bad
 _APART = 1e100  # what stands for an infinite gap
+_LOOKED_AT = 4  # edges for each run, and runs for each edge
 _ON = 4.0  # tolerances: a point that near lies on an edge
 _KNOT = 1e-6  # of the domain: a place that near to a knot is it
 _UNITS = 1e-14  # rounding of the ends of a part of an arc, of its size
@@ -165,10 +166,21 @@ def _matched(chain: Composite, runs: Sequence[range], held: Sequence[Piece], far
     """The assignment of edges to runs of the least sum of gaps, those below a limit."""
     from scipy.optimize import linear_sum_assignment
 
-    best = [[min(_ways(chain, run, piece), key=lambda way: way[0]) for piece in held] for run in runs]
-    gaps = np.array([[gap for gap, _ in row] for row in best])
+    gaps = _end_gaps(chain, runs, held)
+    near = (gaps.argsort(axis=1).argsort(axis=1) < _LOOKED_AT) | (gaps.argsort(axis=0).argsort(axis=0) < _LOOKED_AT)
+    best: dict[tuple[int, int], _Held] = {}
+    for k, j in np.argwhere(near).tolist():
+        gaps[k, j], best[k, j] = min(_ways(chain, runs[k], held[j]), key=lambda way: way[0])
     pairs = zip(*linear_sum_assignment(np.minimum(gaps, _APART)), strict=True)
-    return [best[run][piece][1] for run, piece in pairs if gaps[run, piece] < farthest]
+    return [best[k, j] for k, j in pairs if gaps[k, j] < farthest and (k, j) in best]
+
+
+def _end_gaps(chain: Composite, runs: Sequence[range], held: Sequence[Piece]) -> Array:
+    """How far the ends of edges are from those of runs, shape (runs, edges): bounds of the gaps from below."""
+    wanted = np.array([[chain.pieces[run[0]].evaluate(0.0), chain.pieces[run[-1]].evaluate(1.0)] for run in runs])
+    given = np.array([piece.figure.points.evaluate(np.array([[0.0], [1.0]])) for piece in held])
+    ways = [np.linalg.norm(wanted[:, None] - own, axis=-1).max(axis=-1) for own in (given, given[:, ::-1])]
+    return np.minimum(*ways)
 
 
 def _ways(chain: Composite, run: range, piece: Piece) -> Iterator[tuple[float, _Held]]:
@@ -256,17 +268,17 @@ def _derivables(held: _Held) -> list[Derivable]:
 # --- edges of anything ------------------------------------------------------------------------------------------------
 
 
-def _by_place(
-    name: str, names: Sequence[str], chain: Composite, held: Sequence[Piece], tolerance: float
-) -> _Checked:
+def _by_place(name: str, names: Sequence[str], chain: Composite, held: Sequence[Piece], tolerance: float) -> _Checked:
     """Every edge cut where pieces meet, and its parts held against the pieces that they lie along."""
     figures = [figure_of(piece) for piece in chain.pieces]
     meeting = [chain.pieces[k].evaluate(1.0) for k in range(len(chain.orders))]
     groups: list[list[Piece]] = [[] for _ in figures]
+    whole = figure_of(chain)
     for piece in held:
         for part in _cut(piece, meeting, tolerance):
-            gaps = [figure.nearest(part.figure.marks, enough=tolerance / 4).distances.max() for figure in figures]
-            groups[int(np.argmin(gaps))].append(part)
+            along = whole.nearest(part.figure.marks[1:-1]).places[:, 0] * len(figures)
+            counts = np.bincount(np.minimum(along.astype(int), len(figures) - 1))
+            groups[int(counts.argmax())].append(part)
     rows = []
     for one, figure, group in zip(names, figures, groups, strict=True):
         if not group:
@@ -288,41 +300,38 @@ def _cut(piece: Piece, points: Sequence[Array], tolerance: float) -> Iterator[Pi
     """The parts of an edge between those points that lie on it, away from its ends."""
     edge = piece.part.geometry
     assert isinstance(edge, BSplineCurve | EllipseArc)
-    places = [0.0, 1.0]
-    if points:
-        found = piece.figure.nearest(np.array(points))
-        for x, far in zip(found.places[:, 0].tolist(), found.distances.tolist(), strict=True):
-            apart = np.abs(piece.figure.points.evaluate(np.array([[x]])) - ends_of(edge)).max(axis=1).min()
-            if far <= _ON * tolerance and apart > _ON * tolerance:
-                places.append(_at_knot(edge, x))
-    places = sorted(set(places))
+    first, last = edge.domain if isinstance(edge, BSplineCurve) else (edge.start, edge.end)
+    near = _KNOT * (last - first)
+    places = [first, last]
+    found = piece.figure.nearest(_beside(piece, np.array(points).reshape(-1, 3), _ON * tolerance))
+    for x, far in zip(found.places[:, 0].tolist(), found.distances.tolist(), strict=True):
+        t = first * (1 - x) + last * x
+        if isinstance(edge, BSplineCurve):
+            knot = float(edge.knots[np.abs(edge.knots - t).argmin()])
+            t = knot if abs(knot - t) <= near else t
+        apart = float(np.linalg.norm(ends_of(edge) - edge.evaluate(t), axis=1).min())
+        if far <= _ON * tolerance < apart and min(abs(t - other) for other in places) > near:
+            places.append(t)
     if len(places) == 2:
         yield piece
         return
-    for a, b in pairwise(places):
+    for a, b in pairwise(sorted(places)):
         part, rounding = _part(edge, a, b)
         held = replace(piece.part, geometry=part)
         yield Piece(piece.index, held, replace(figure_of_part(held), rounding=rounding))
 
 
-def _at_knot(edge: BSplineCurve | EllipseArc, x: float) -> float:
-    """The knot that a place is but for rounding, or the place."""
-    if isinstance(edge, EllipseArc):
-        return x
-    knots = (edge.knots - edge.knots[0]) / (edge.knots[-1] - edge.knots[0])
-    nearest = float(knots[np.abs(knots - x).argmin()])
-    return nearest if abs(nearest - x) <= _KNOT else x
+def _beside(piece: Piece, points: Array, margin: float) -> Array:
+    """The points that are about in the box of a piece."""
+    low, high = piece.figure.box
+    margin += piece.figure.points.reach
+    return np.asarray(points[((points >= low - margin) & (points <= high + margin)).all(axis=1)])
 
 
 def _part(edge: BSplineCurve | EllipseArc, a: float, b: float) -> tuple[BSplineCurve | EllipseArc, float]:
     if isinstance(edge, EllipseArc):
-        ends = (edge.start * (1 - x) + edge.end * x for x in (a, b))
-        return EllipseArc(edge.center, edge.axis_a, edge.axis_b, *ends), _rounding(edge)
-    first, last = edge.domain
-    nearest = [float(edge.knots[np.abs(edge.knots - (first * (1 - x) + last * x)).argmin()]) for x in (a, b)]
-    exact = [first * (1 - x) + last * x for x in (a, b)]
-    ends = [n if abs(n - e) <= _KNOT * (last - first) / 2 else e for n, e in zip(nearest, exact, strict=True)]
-    return part_of_curve(edge, (ends[0], ends[1]))
+        return EllipseArc(edge.center, edge.axis_a, edge.axis_b, a, b), _rounding(edge)
+    return part_of_curve(edge, (a, b))
 
 
 def _ending(group: Sequence[Piece], point: Array, tolerance: float) -> _Unit | None:

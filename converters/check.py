@@ -1,28 +1,21 @@
-"""What an exchange file holds, held against a model."""
+"""What an exchange file holds, held against a model or against another file."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import takewhile
-
-import numpy as np
-from numpy.typing import NDArray
 
 from gtcad._entries import ModelShape
 from gtcad.composite import Composite
-from gtcad.converters.bspline import BSplineSurface
 from gtcad.converters.chain_check import Joint, check_chain
-from gtcad.converters.part import MEETING, Built, Part, Wire, ends_of
-from gtcad.converters.quadrics import Quadric
+from gtcad.converters.figures import Figure, Piece, figure_of, figure_of_part
+from gtcad.converters.matching import UNITS, Matches, Named, matched
+from gtcad.converters.part import Part
 from gtcad.converters.quilt_check import check_quilt
 from gtcad.converters.verdicts import Row, compared, joined
 from gtcad.errors import InputError
-from gtcad.protocol import SeparableSurface, Shape
 from gtcad.quilt import Quilt
 from gtcad.solid import Solid
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -59,111 +52,181 @@ def check_parts(parts: Sequence[Part], shapes: Mapping[str, ModelShape], toleran
     Returns
     -------
     Report
-        Shapes are matched by name; those left over by position among the parts left over, faces and edges apart. A
-        chain claims all edges of its name, or the next ones that meet.
+        Faces and edges are matched by where they lie, several of them to one shape where they cover it together; names
+        decide where several fit, and where none does.
+
+    Raises
+    ------
+    InputError
+        When the tolerance is not above 0.
     """
-    if not tolerance > 0:
-        raise InputError(f"tolerance must be above 0, got {tolerance}")
-    matches = _matched(parts, shapes)
+    _check_tolerance(tolerance)
+    pieces = [Piece(k, part, figure_of_part(part)) for k, part in enumerate(parts)]
+    targets = [(name, target) for name, shape in shapes.items() for target in _targets(name, shape)]
+    found = matched(_named(pieces), [target for _, target in targets], tolerance)
+    places = {name: [k for k, (owner, _) in enumerate(targets) if owner == name] for name in shapes}
     rows: list[Row] = []
     joints: list[Joint] = []
-    claimed: set[int] = set()
+    free = {piece.index: piece for piece in pieces if piece.index not in found.used}
     for name, shape in shapes.items():
-        found = matches.get(name, [])
-        if isinstance(shape, Composite):
-            pieces, between, left = check_chain(name, _in_space(shape), found, tolerance)
-            joints += between
-        elif isinstance(shape, Quilt | Solid):
-            pieces, between = check_quilt(name, shape, found, tolerance)
-            joints += between
-            left = []
-        else:
-            pieces, left = [_row(name, shape, found[0] if found else None, tolerance)], []
-        claimed |= {id(part) for part in found} - {id(part) for part in left}
-        by_name = all(part.name == name or part.name.startswith(f"{name}.") for part in found)
-        rows += (
-            pieces if by_name else [replace(row, remark=joined("matched by position", row.remark)) for row in pieces]
-        )
-    extra = tuple(part.name or f"no. {k + 1}" for k, part in enumerate(parts) if id(part) not in claimed)
+        own = [targets[k][1].figure for k in places[name]]
+        groups = [[pieces[p] for p in found.groups[k]] for k in places[name]]
+        others = _others(name, shape, groups, list(free.values()))
+        shape_rows, between, left = _checked(name, shape, own, groups, others, tolerance)
+        joints += between
+        for piece in others:
+            del free[piece.index]
+        free.update({piece.index: piece for piece in left})
+        units = [found.units[k] for k in places[name] if k in found.units]
+        rows += [_remarked(row, name, parts, shapes, units) for row in shape_rows]
+    rows = [_explained(row, shapes, list(free.values())) for row in rows]
+    extra = tuple(piece.part.name or f"no. {piece.index + 1}" for _, piece in sorted(free.items()))
     return Report(tuple(rows), extra, tuple(joints))
 
 
-def _matched(parts: Sequence[Part], shapes: Mapping[str, ModelShape]) -> dict[str, list[Part]]:
-    """By name first; a name that several parts bear is all a chain's, and else the first one's."""
-    matches: dict[str, list[Part]] = {}
-    owners = _owners(shapes)
-    for part in parts:
-        name = part.name if part.name in shapes else owners(part.name)
-        if name and (name not in matches or isinstance(shapes[name], Composite | Quilt | Solid)):
-            matches.setdefault(name, []).append(part)
-    claimed = {id(part) for found in matches.values() for part in found}
-    for surfaces in (False, True):
-        left = [part for part in parts if id(part) not in claimed and _is_surface(part) == surfaces]
-        for name, shape in shapes.items():
-            is_surface = isinstance(shape, SeparableSurface | Quilt | Solid)
-            if name not in matches and left and is_surface == surfaces:
-                count = _face_count(left) if isinstance(shape, Quilt | Solid) else 1
-                count = _edge_count(left, shape) if isinstance(shape, Composite) else count
-                matches[name], left = left[:count], left[count:]
-    return matches
+def _check_tolerance(tolerance: float) -> None:
+    if not tolerance > 0:
+        raise InputError(f"tolerance must be above 0, got {tolerance}")
 
 
-def _owners(shapes: Mapping[str, ModelShape]) -> Callable[[str], str]:
-    """From the name of a face to the body that it belongs to: by its patches, or else the longest name before a dot."""
-    bodies = {
-        name: shape.quilt if isinstance(shape, Solid) else shape
-        for name, shape in shapes.items()
-        if isinstance(shape, Quilt | Solid)
-    }
-    patches = {f"{name}.{patch}": name for name, quilt in bodies.items() for patch in quilt.names}
-    longest = sorted(bodies, key=len, reverse=True)
-
-    def owner(face: str) -> str:
-        return patches.get(face) or next((name for name in longest if face.startswith(f"{name}.")), "")
-
-    return owner
+def _named(pieces: Sequence[Piece]) -> list[Named]:
+    return [Named(piece.part.name, piece.figure) for piece in pieces]
 
 
-def _face_count(parts: Sequence[Part]) -> int:
-    """How many of the faces, from the first on, are of one body."""
-    body = parts[0].body
-    return 1 if body is None else sum(1 for _ in takewhile(lambda part: part.body is body, parts))
+def _targets(name: str, shape: ModelShape) -> list[Named]:
+    """What faces and edges are looked for."""
+    if isinstance(shape, Quilt | Solid):
+        quilt = shape.quilt if isinstance(shape, Solid) else shape
+        pairs = zip(quilt.names, quilt.patches, strict=True)
+        return [Named(f"{name}.{patch}", figure_of(surface)) for patch, surface in pairs]
+    return [Named(name, figure_of(shape))]
 
 
-def _edge_count(parts: Sequence[Part], chain: Composite) -> int:
-    """How many of the edges, from the first on, may be a chain's: those that meet, up to where the chain ends."""
-    meeting = 1
-    while meeting < min(len(chain.pieces), len(parts)) and _gap(parts[meeting - 1], parts[meeting]) <= MEETING:
-        meeting += 1
-    end = _in_space(chain).evaluate(chain.domain[1])
-    gaps = [np.linalg.norm(_ends(part)[1] - end) for part in parts[:meeting]]
-    return 1 + int(np.round(gaps, 6).argmin())
+def _others(name: str, shape: ModelShape, groups: Sequence[Sequence[Piece]], free: Sequence[Piece]) -> list[Piece]:
+    """Faces that hold no patch, of the bodies that the patches' faces are of, or called after the shape."""
+    if not isinstance(shape, Quilt | Solid):
+        return []
+    bodies = {id(piece.part.body) for group in groups for piece in group if piece.part.body is not None}
+    return [
+        piece
+        for piece in free
+        if piece.figure.variables == 2
+        and (id(piece.part.body) in bodies or piece.part.name == name or piece.part.name.startswith(f"{name}."))
+    ]
 
 
-def _gap(a: Part, b: Part) -> float:
-    return float(np.linalg.norm(_ends(a)[1] - _ends(b)[0]))
+def _checked(
+    name: str,
+    shape: ModelShape,
+    figures: Sequence[Figure],
+    groups: Sequence[Sequence[Piece]],
+    others: Sequence[Piece],
+    tolerance: float,
+) -> tuple[list[Row], list[Joint], list[Piece]]:
+    """The rows and joints of a shape, and those of its parts that stand for nothing."""
+    if isinstance(shape, Composite):
+        chain = figures[0].geometry
+        assert isinstance(chain, Composite)
+        return check_chain(name, chain, groups[0], tolerance)
+    if isinstance(shape, Quilt | Solid):
+        return *check_quilt(name, shape, figures, groups, others, tolerance), []
+    return [_row(name, figures[0], groups[0], tolerance)], [], []
 
 
-def _ends(part: Part) -> Array:
-    assert not isinstance(part.geometry, BSplineSurface | Quadric | Wire | Built)
-    return ends_of(part.geometry)
-
-
-def _is_surface(part: Part) -> bool:
-    return isinstance(part.geometry, BSplineSurface | Quadric)
-
-
-def _in_space(shape: Composite) -> Composite:
-    return shape if shape.dimension == 3 else shape.transformed(np.eye(3, 2))
-
-
-def _row(name: str, shape: Shape, part: Part | None, tolerance: float) -> Row:
-    if part is None:
+def _row(name: str, figure: Figure, group: Sequence[Piece], tolerance: float) -> Row:
+    if not group:
         return Row(name, "missing")
-    if isinstance(shape, SeparableSurface) != _is_surface(part):
-        found, wanted = ("a face", "an edge") if _is_surface(part) else ("an edge", "a face")
-        return Row(name, "missing", remark=f"the file holds {found} of this name, not {wanted}")
-    if not part.valid:
-        return Row(name, "invalid", remark="the kernel calls it invalid")
-    spatial = isinstance(shape, SeparableSurface) or shape.dimension == 3
-    return compared(name, shape if spatial else shape.transformed(np.eye(3, 2)), part, tolerance)
+    numbers = tuple(piece.index for piece in group)
+    if not all(piece.part.valid for piece in group):
+        return Row(name, "invalid", remark="the kernel calls it invalid", face=numbers)
+    return replace(compared(name, figure, [piece.figure for piece in group], tolerance), face=numbers)
+
+
+# --- remarks ----------------------------------------------------------------------------------------------------------
+
+
+def _remarked(
+    row: Row, owner: str, parts: Sequence[Part], shapes: Mapping[str, ModelShape], units: Sequence[float]
+) -> Row:
+    """The row with what is to be said of names and units."""
+    names = [parts[k].name for k in row.face]
+    remarks = []
+    if units and row.verdict not in ("proved", "estimated"):
+        remarks.append(UNITS[units[0]])
+    if any(not _is_own(name, owner) for name in names):
+        remarks.append("matched by position")
+    if len(row.face) == 1 and row.name.startswith(f"{owner}.") and names[0].startswith(f"{owner}."):
+        remarks += [f"the file calls it {names[0]!r}"] if names[0] != row.name else []
+    elif len(row.face) == 1 and names[0] in shapes and names[0] != owner:
+        remarks.append(f"the file calls it {names[0]!r}")
+    return replace(row, remark=joined(*remarks, row.remark))
+
+
+def _is_own(name: str, owner: str) -> bool:
+    return name == owner or name.startswith(f"{owner}.")
+
+
+def _explained(row: Row, shapes: Mapping[str, ModelShape], free: Sequence[Piece]) -> Row:
+    """The row of a missing shape with the remark that the file holds something of another kind by its name."""
+    if row.verdict != "missing" or row.remark or row.name not in shapes or isinstance(shapes[row.name], Quilt | Solid):
+        return row
+    same = [piece for piece in free if piece.part.name == row.name]
+    if not same:
+        return row
+    is_face = same[0].figure.variables == 2
+    found, wanted = ("a face", "an edge") if is_face else ("an edge", "a face")
+    return replace(row, remark=f"the file holds {found} of this name, not {wanted}")
+
+
+# --- two files --------------------------------------------------------------------------------------------------------
+
+
+def compare_parts(parts: Sequence[Part], others: Sequence[Part], tolerance: float) -> Report:
+    """Hold the parts of a file against those of another one.
+
+    Parameters
+    ----------
+    parts
+        As read from the file, in mm.
+    others
+        Of the other file, which is the one to be kept to.
+    tolerance
+        In mm, above 0.
+
+    Returns
+    -------
+    Report
+        A row for each part of the other file, under its name or number. Splines with equal or affine parameters are
+        proved, all else is estimated.
+
+    Raises
+    ------
+    InputError
+        When the tolerance is not above 0.
+    """
+    _check_tolerance(tolerance)
+    pieces = [Piece(k, part, figure_of_part(part)) for k, part in enumerate(parts)]
+    targets = [Named(part.name, figure_of_part(part)) for part in others]
+    found = matched(_named(pieces), targets, tolerance)
+    labels = _labels(others)
+    rows = []
+    for k, (label, target) in enumerate(zip(labels, targets, strict=True)):
+        row = _row(label, target.figure, [pieces[p] for p in found.groups[k]], tolerance)
+        rows.append(_told(row, target.name, [parts[p].name for p in found.groups[k]], found, k))
+    extra = [part.name or f"no. {k + 1}" for k, part in enumerate(parts) if k not in found.used]
+    return Report(tuple(rows), tuple(extra))
+
+
+def _labels(parts: Sequence[Part]) -> list[str]:
+    """The names of parts, with their number where that alone tells them apart."""
+    names = [part.name for part in parts]
+    return [name if name and names.count(name) == 1 else f"{name} no. {k + 1}".strip() for k, name in enumerate(names)]
+
+
+def _told(row: Row, wanted: str, names: Sequence[str], found: Matches, k: int) -> Row:
+    remarks = []
+    if k in found.units and row.verdict not in ("proved", "estimated"):
+        remarks.append(UNITS[found.units[k]])
+    if any(name != wanted for name in names):
+        remarks.append("matched by position")
+    return replace(row, remark=joined(*remarks, row.remark))

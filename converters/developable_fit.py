@@ -34,7 +34,7 @@ _PARTS = (1, 2, 4, 8, 16)  # of each knot span, for a proof of the twist
 _NODES = 32  # values on a part
 _ENOUGH = 1.1  # a proved twist so near the sampled one needs no finer parts
 _ROUNDS = 12  # of tightening
-_EAGER = 0.7  # each takes a little more than seems needed
+_EAGER = 0.8  # each takes a little more than seems needed
 _SPANS_OF_A_FAILURE = 64
 
 
@@ -116,7 +116,8 @@ def fit_developable(
     for _ in range(_ROUNDS):
         if max_twist_deg is None or found.twist_deg[1] <= max_twist_deg:
             return found
-        finer = found.tolerance * _EAGER * min(0.5, max_twist_deg / found.twist_deg[1]) ** ((degree + 1) / degree)
+        finer = found.tolerance * min(0.5, _EAGER * max_twist_deg / found.twist_deg[1])
+        finer = max(finer, min(1.01 * _floor(patch), 0.5 * found.tolerance))
         try:
             found = _fitted(patch, side, finer)
         except (ToleranceBelowPrecision, ToleranceNotMet):
@@ -134,10 +135,13 @@ def _boundaries(patch: SeparableSurface) -> Bundle:
     return Bundle(patch.factors_u, np.einsum("ijd,jk->ikd", patch.coefficients, rows))
 
 
-def _fitted(patch: SeparableSurface, side: Side, tolerance: float) -> DevelopableFit:
+def _floor(patch: SeparableSurface) -> float:
     size = float(np.sqrt((patch.coefficients**2).sum(axis=-1)).max())
-    floor = size * precision_floor((patch.factors_u, patch.factors_v)) + patch.definition_error
-    if tolerance < floor:
+    return size * precision_floor((patch.factors_u, patch.factors_v)) + patch.definition_error
+
+
+def _fitted(patch: SeparableSurface, side: Side, tolerance: float) -> DevelopableFit:
+    if tolerance < (floor := _floor(patch)):
         raise ToleranceBelowPrecision(tolerance, floor)
     least = math.inf
 
@@ -184,13 +188,18 @@ def spline_twist_deg(spline: BSplineSurface) -> tuple[float, float]:
     InputError
         When the spline is of another kind.
     """
-    if spline.degree_v != 1 or spline.control_points.shape[1] != 2 or spline.weights is not None or spline.dimension != 3:
+    if (
+        spline.degree_v != 1
+        or spline.control_points.shape[1] != 2
+        or spline.weights is not None
+        or spline.dimension != 3
+    ):
         raise InputError("the spline must be of degree 1 with two rows of poles in v, without weights, in space")
     lower, upper = 0.0, math.inf
     for slopes, along in _spanned(spline):
-        normals = [slope.cross(along).values for slope in slopes]
-        sine = np.linalg.norm(np.cross(*normals), axis=-1)
-        lower = max(lower, float(np.arctan2(sine, (normals[0] * normals[1]).sum(axis=-1)).max()))
+        first, second = (slope.cross(along).values for slope in slopes)
+        sine = np.linalg.norm(np.cross(first, second), axis=-1)
+        lower = max(lower, float(np.arctan2(sine, (first * second).sum(axis=-1)).max()))
         upper = min(upper, twist_bound(*slopes, along))
         if upper <= _ENOUGH * lower:
             break

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gtcad.protocol import SeparableSurface
+from gtcad.differential import ParametricSurface
 
 Array = NDArray[np.float64]
 
@@ -17,7 +17,7 @@ _STILL = 1e-13  # parameters that move less stay where they are
 _DAMPING = 1e-14
 
 
-def signed_distances(points: Array, normals: Array, surfaces: Sequence[SeparableSurface]) -> Array:
+def signed_distances(points: Array, normals: Array, surfaces: Sequence[ParametricSurface]) -> Array:
     """Distances from the nearest of the surfaces, positive where the points lie on the side of their normals.
 
     Parameters
@@ -44,22 +44,22 @@ def signed_distances(points: Array, normals: Array, surfaces: Sequence[Separable
     lengths = np.linalg.norm(offsets, axis=2)
     nearest = lengths.argmin(axis=0), np.arange(len(points))
     inside = (offsets[nearest] * normals).sum(axis=1) < 0
-    return np.where(inside, -lengths[nearest], lengths[nearest])
+    return np.asarray(np.where(inside, -lengths[nearest], lengths[nearest]))
 
 
-def _feet(points: Array, surface: SeparableSurface) -> Array:
+def _feet(points: Array, surface: ParametricSurface) -> Array:
     """Nearest points from those of a grid by Gauss-Newton steps within the unit square."""
     from scipy.spatial import cKDTree
 
     t = np.linspace(0.0, 1.0, _GRID)
-    start = cKDTree(surface.evaluate(t[:, None], t[None, :]).reshape(-1, 3)).query(points)[1]
+    start = cKDTree(surface.derivative(t[:, None], t[None, :], (0, 0)).reshape(-1, 3)).query(points)[1]
     places = np.stack([t[start // _GRID], t[start % _GRID]], axis=1)
-    feet = surface.evaluate(places[:, 0], places[:, 1])
+    feet = surface.derivative(places[:, 0], places[:, 1], (0, 0))
     moving = np.arange(len(points))
     for _ in range(_STEPS):
         before = places[moving]
         after = _step(points[moving] - feet[moving], before, surface)
-        reached = surface.evaluate(after[:, 0], after[:, 1])
+        reached = surface.derivative(after[:, 0], after[:, 1], (0, 0))
         better = ((points[moving] - reached) ** 2).sum(axis=1) <= ((points[moving] - feet[moving]) ** 2).sum(axis=1)
         places[moving[better]], feet[moving[better]] = after[better], reached[better]
         moving = moving[better & (np.abs(after - before).max(axis=1) > _STILL)]
@@ -68,7 +68,7 @@ def _feet(points: Array, surface: SeparableSurface) -> Array:
     return feet
 
 
-def _step(offset: Array, places: Array, surface: SeparableSurface) -> Array:
+def _step(offset: Array, places: Array, surface: ParametricSurface) -> Array:
     """The parameters after one step, in the directions that are free."""
     u, v = places.T
     tangents = np.stack([surface.derivative(u, v, orders) for orders in ((1, 0), (0, 1))], axis=1)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtcad.converters.figures import Figure
-from gtcad.converters.nearest import Nearest, lattice
+from gtcad.converters.nearest import SEARCHES, Nearest, lattice
 
 Array = NDArray[np.float64]
 
@@ -22,6 +22,7 @@ _LINES = {1: 257, 2: 49}
 _TRIMMED_LINES = 33
 _WORST, _ROUNDS, _FINER = 3, 3, 5  # places that are looked at more closely, how often, and into how many parts
 _SUSPECTS = 12
+_GAIN = 1e-3  # relative: what a face must promise to be nearer, to be asked
 _ENOUGH = 0.25  # of the tolerance: a search that comes so near is not begun again
 
 
@@ -137,21 +138,38 @@ def _from_figure(
     return _joined([samples, *finer]), spacing
 
 
-def nearest_of(figures: Sequence[Figure], points: Array, enough: float) -> Nearest:
-    """The nearest points of several figures together; figures whose box is too far away are not searched."""
-    variables = figures[0].variables
-    distances = np.full(len(points), np.inf)
-    feet, places = np.full_like(points, np.nan), np.full((len(points), variables), np.nan)
+def nearest_of(figures: Sequence[Figure], points: Array, enough: float, searches: int = SEARCHES) -> Nearest:
+    """The nearest points of several figures together; figures whose box is too far away are not searched.
+
+    Where points lie beside trimmed faces is asked only if no other figure is near.
+    """
+    best = Nearest(
+        np.full(len(points), np.inf),
+        np.full_like(points, np.nan),
+        np.full((len(points), figures[0].variables), np.nan),
+    )
     gaps = np.array([_box_distances(figure.box, points) for figure in figures])
-    for k in np.argsort(gaps.sum(axis=1)):
-        open_ones = np.flatnonzero((gaps[k] <= distances) & (distances > enough))
-        if not len(open_ones):
-            continue
-        found = figures[k].nearest(points[open_ones], enough=enough)
-        better = found.distances < distances[open_ones]
-        kept = open_ones[better]
-        distances[kept], feet[kept], places[kept] = found.distances[better], found.points[better], found.places[better]
-    return Nearest(distances, feet, places)
+    order = np.argsort(gaps.sum(axis=1))
+    floors = gaps.copy()  # what the distance of a trimmed face is at least
+    for k in order:
+        open_ones = np.flatnonzero((gaps[k] <= best.distances) & (best.distances > enough))
+        if len(open_ones):
+            found, floors[k, open_ones] = figures[k].nearest_inside(points[open_ones], enough=enough, searches=searches)
+            _keep_nearer(best, found, open_ones)
+    for k in order:
+        open_ones = np.flatnonzero((floors[k] < (1 - _GAIN) * best.distances) & (best.distances > enough))
+        if figures[k].face is not None and len(open_ones):
+            unknown = Nearest(*(getattr(best, name)[open_ones] for name in ("distances", "points", "places")))
+            found = figures[k].with_feet(points[open_ones], unknown, np.arange(len(open_ones)))
+            _keep_nearer(best, found, open_ones)
+    return best
+
+
+def _keep_nearer(best: Nearest, found: Nearest, which: NDArray[np.int_]) -> None:
+    better = found.distances < best.distances[which]
+    kept = which[better]
+    best.distances[kept], best.points[kept] = found.distances[better], found.points[better]
+    best.places[kept] = found.places[better]
 
 
 def _box_distances(box: Array, points: Array) -> Array:

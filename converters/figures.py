@@ -14,7 +14,7 @@ from gtcad.chebyshev import gauss_legendre
 from gtcad.composite import Composite
 from gtcad.converters.arcs import curve_of_arc
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
-from gtcad.converters.nearest import Nearest, PointSet, is_farther, lattice, nearest
+from gtcad.converters.nearest import SEARCHES, Nearest, PointSet, is_farther, lattice, nearest
 from gtcad.converters.part import Built, EllipseArc, Part, TrimmedFace, Wire
 from gtcad.converters.quadrics import Quadric, surface_of_quadric
 from gtcad.converters.spline_difference import part_of_surface
@@ -109,22 +109,37 @@ class Figure:
         places = lattice(*(np.linspace(0.0, 1.0, count) for count in self.lines(lines)))
         return self.points.evaluate(places), places
 
-    def nearest(self, points: Array, *, enough: float = 0.0) -> Nearest:
+    def nearest(self, points: Array, *, enough: float = 0.0, searches: int = SEARCHES) -> Nearest:
         """The nearest points of the figure that were found, what is cut away left out."""
+        found, _ = self.nearest_inside(points, enough=enough, searches=searches)
+        away = np.flatnonzero(~np.isfinite(found.distances))
+        return self.with_feet(points, found, away) if len(away) else found
+
+    def nearest_inside(self, points: Array, *, enough: float = 0.0, searches: int = SEARCHES) -> tuple[Nearest, Array]:
+        """The same of all of the surface, infinitely far where that point is cut away; and how far it would be."""
         if self.face is None:
-            return nearest(points, self.points, enough=enough)
-        region = self.face.region
-        if region is None:
-            unknown = np.full((len(points), self.variables), np.nan)
-            return Nearest(self.face.distances(points), np.full_like(points, np.nan), unknown)
-        found = nearest(points, self.points, enough=enough)
+            found = nearest(points, self.points, enough=enough, searches=searches)
+            return found, found.distances
+        if self.face.region is None or self.face.region.inside is None:
+            unknown = np.full_like(points, np.nan)
+            nowhere = Nearest(np.full(len(points), np.inf), unknown, unknown[:, : self.variables])
+            return nowhere, np.zeros(len(points))
+        found = nearest(points, self.points, enough=enough, searches=searches)
+        inside = self.face.region.inside(self.own(found.places))
+        unknown = np.where(inside[:, None], 1.0, np.nan)
+        distances = np.where(inside, found.distances, np.inf)
+        return Nearest(distances, unknown * found.points, unknown * found.places), found.distances
+
+    def with_feet(self, points: Array, found: Nearest, which: NDArray[np.int_]) -> Nearest:
+        """What was found, with the nearest points of the trimmed face for some of the points: the kernel's, slowly."""
+        assert self.face is not None
         distances, feet, places = found.distances.copy(), found.points.copy(), found.places.copy()
-        away = np.ones(len(points), dtype=bool)
-        if region.inside is not None:
-            away = ~region.inside(self.own(places))
-        feet[away] = region.feet(points[away])
-        distances[away] = np.linalg.norm(feet[away] - points[away], axis=1)
-        places[away] = np.nan
+        places[which] = np.nan
+        if self.face.region is None:
+            distances[which], feet[which] = self.face.distances(points[which]), np.nan
+        else:
+            feet[which] = self.face.region.feet(points[which])
+            distances[which] = np.linalg.norm(feet[which] - points[which], axis=1)
         return Nearest(distances, feet, places)
 
     def is_farther(self, point: Array, length: float) -> bool | None:

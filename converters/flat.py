@@ -16,7 +16,7 @@ from gtcad.converters.flat_outline import CircleArc, Cubic, Entity, Path, Sheet,
 from gtcad.errors import ExtraMissing, InputError
 
 if TYPE_CHECKING:
-    from ezdxf.layouts import Modelspace
+    from ezdxf.layouts.layout import Modelspace
 
 Array = NDArray[np.float64]
 

@@ -28,6 +28,7 @@ from gtcad.converters.outlines import plane_face, straightened, wire_of, with_ex
 from gtcad.converters.part import EllipseArc, Wire
 from gtcad.converters.quadrics import Quadric
 from gtcad.converters.quilt_fit import QuiltFit, fit_quilt
+from gtcad.converters.smooth_edges import closing_orders, with_smooth_edges
 from gtcad.converters.solid import Body, solid_of, thicken
 from gtcad.errors import InputError
 from gtcad.protocol import SeparableCurve, SeparableSurface, Shape
@@ -267,6 +268,8 @@ def made_face(
     from gtcad.converters.occt.topology import make_face
 
     _check_kind(surface, "surface", SeparableSurface)
+    if closing_orders(surface) != ((0, 0), (0, 0)):
+        settings.setdefault("end_order", closing_orders(surface))
     geometry, fit = choose_geometry(surface, tolerance=tolerance, degree=degree, **settings)
     if isinstance(geometry, Quadric):
         shape = as_face(make_quadric_face(geometry))
@@ -285,6 +288,8 @@ def made_shell(
 ) -> Made[Quilt]:
     """The shell of a quilt, its faces sharing their edges: one for each patch, in order.
 
+    Edges that the patches cross smoothly are smooth, whatever order is stated.
+
     Raises
     ------
     InputError, ToleranceBelowPrecision, ToleranceNotMet, KernelError
@@ -293,7 +298,7 @@ def made_shell(
     from gtcad.converters.occt.shells import make_shell
 
     _check_kind(quilt, "quilt", Quilt)
-    fit = fitted_quilt(quilt, tolerance=tolerance, degree=degree, **settings)
+    fit = fitted_quilt(with_smooth_edges(quilt), tolerance=tolerance, degree=degree, **settings)
     return Made(make_shell(fit.splines, quilt.edges, quilt.flipped).shape, quilt, fit, fit.deviation)
 
 
@@ -313,7 +318,7 @@ def made_solid(
     """
     _check_kind(solid, "solid", Solid, Quilt)
     meant = Solid(solid) if isinstance(solid, Quilt) else solid
-    fit = fitted_quilt(meant.quilt, tolerance=tolerance, degree=degree, **settings)
+    fit = fitted_quilt(with_smooth_edges(meant.quilt), tolerance=tolerance, degree=degree, **settings)
     if meant.thickness is None:
         body = solid_of(fit, caps=meant.caps)
     else:

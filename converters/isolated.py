@@ -114,7 +114,7 @@ class Runner:
         with self._lock:
             if self._stopped:
                 raise KernelError("the job was stopped before it began")
-            paths = os.pathsep.join(path for path in sys.path if path)
+            paths = os.pathsep.join(map(os.path.abspath, sys.path))  # '' is the current folder
             environment = {"OPENBLAS_NUM_THREADS": "1"} | os.environ | {"PYTHONPATH": paths}
             child = subprocess.Popen(
                 [sys.executable, "-P", "-c", _COMMAND],

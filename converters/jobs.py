@@ -20,6 +20,7 @@ from gtcad.converters.properties import stated
 from gtcad.converters.quadrics import Quadric, extremes
 from gtcad.errors import InputError, ModelError, ToleranceBelowPrecision, ToleranceNotMet
 from gtcad.model import Model
+from gtcad.patches import PlaneFamily
 from gtcad.protocol import SeparableCurve, SeparableSurface, Shape
 from gtcad.quilt import Quilt
 from gtcad.restricted import RestrictedCurve, RestrictedSurface
@@ -286,8 +287,8 @@ def _points_of(shape: Shape) -> Array:
 def _shape_data(name: str, shape: ModelShape) -> dict[str, Any]:
     pieces = _parts(shape)
     families = dict.fromkeys(family for piece in pieces for family in _families(_whole(piece)))
-    counts = [list(getattr(_whole(piece), "control_points", np.empty(1)).shape[:-1]) for piece in pieces]
-    kind, part, joints = type(_whole(pieces[0])).__name__.lower(), None, []
+    counts = [_count(_whole(piece)) for piece in pieces]
+    kind, part, joints = _kind(_whole(pieces[0])), None, []
     if isinstance(shape, Composite):
         kind, joints = "closed composite" if shape.closed else "composite", list(shape.orders)
     elif isinstance(shape, Quilt | Solid):
@@ -308,7 +309,26 @@ def _whole(shape: Shape) -> Any:
     return shape.shape if isinstance(shape, RestrictedCurve | RestrictedSurface) else shape
 
 
+def _kind(whole: Any) -> str:
+    return type(whole).__name__.lower().replace("developable", "-developable")
+
+
+def _planes(whole: Any) -> PlaneFamily | None:
+    """The planes that a developable is made of."""
+    found = (getattr(whole, field, None) for field in ("family", "spine"))
+    return next((one for one in found if isinstance(one, PlaneFamily)), None)
+
+
+def _count(whole: Any) -> list[int]:
+    """The numbers of control points in each direction, or of control planes."""
+    planes = _planes(whole)
+    net = getattr(whole, "control_points", np.empty(1)) if planes is None else planes.control_planes
+    return list(net.shape[:-1])
+
+
 def _families(whole: Any) -> list[str]:
+    if (planes := _planes(whole)) is not None:
+        return [planes.family.name]
     return [getattr(whole, field).name for field in ("family", "family_u", "family_v") if hasattr(whole, field)]
 
 
@@ -338,10 +358,9 @@ def _body_data(body: BodyFacts, faces: Sequence[Part]) -> dict[str, Any]:
     names = [part.name for part in faces]
     pairs = takewhile(lambda pair: pair[0] == pair[1], zip(min(names), max(names), strict=False))
     common = "".join(letter for letter, _ in pairs)
-    alike = set(names) == {common}
     solid = body.kind == "solid"
     return {
-        "name": common if alike else common.rpartition(".")[0],
+        "name": common if set(names) == {common} else common.rpartition(".")[0],
         "kind": body.kind,
         "faces": len(faces),
         "closed": body.closed,

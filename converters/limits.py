@@ -1,4 +1,4 @@
-"""Limits of converted shapes, as constraints and objectives of ``gtcad.optimize``: poles within a tolerance, deviation."""
+"""Poles and deviation of converted shapes, as constraints and objectives of ``gtcad.optimize``."""
 
 from __future__ import annotations
 

@@ -141,14 +141,14 @@ class _Search:
         for p, t, least, _ in bounds:
             if least <= best[p] + self.tolerance:
                 marks = self.parts[p].figure.marks
-                found[p, t] = float(self.targets[t].figure.nearest(marks, enough=self.tolerance / 4).distances.max())
+                found[p, t] = float(self.targets[t].figure.nearest(marks, searches=1).distances.max())
         return found
 
     def _two_sided(self, p: int, t: int) -> float:
         part, target = self.parts[p].figure, self.targets[t].figure
         if target.size > part.size + 2 * self.near[t]:
             return np.inf
-        back = part.nearest(target.marks, enough=self.tolerance / 4).distances
+        back = part.nearest(target.marks, searches=1).distances
         return max(self.one[p, t], float(back.max()))
 
     # --- the steps ----------------------------------------------------------------------------------------------------
@@ -194,14 +194,14 @@ class _Search:
         if not others:
             return False
         enough = _APART * self.tolerance
-        return bool(nearest_of(others, self.parts[p].figure.marks, enough).distances.max() <= enough)
+        return bool(nearest_of(others, self.parts[p].figure.marks, enough, 1).distances.max() <= enough)
 
     def _is_covered(self, t: int) -> bool:
         pieces = [self.parts[p].figure for p in self.groups[t]]
         if not pieces:
             return False
         enough = _APART * self.tolerance
-        return bool(nearest_of(pieces, self.targets[t].figure.marks, enough).distances.max() <= enough)
+        return bool(nearest_of(pieces, self.targets[t].figure.marks, enough, 1).distances.max() <= enough)
 
     def _by_name(self) -> None:
         for t, target in enumerate(self.targets):
@@ -214,9 +214,7 @@ class _Search:
         free = [t for t, group in enumerate(self.groups) if not group]
         unknown = [p for p in self.left if not self._is_named(self.parts[p].name)]
         centers = {p: self.parts[p].figure.box for p in unknown}
-        pairs = {
-            (p, t): float(np.abs(centers[p] - self.targets[t].figure.box).max()) for p in unknown for t in free
-        }
+        pairs = {(p, t): float(np.abs(centers[p] - self.targets[t].figure.box).max()) for p in unknown for t in free}
         for p, t in self._assigned(pairs):
             self.groups[t].append(p)
 

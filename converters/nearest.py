@@ -22,8 +22,9 @@ Array = NDArray[np.float64]
 
 _STEPS = 30
 _COUNTS = {1: (1025,), 2: (33, 33)}
-_STARTS = 4
-_STILL = 1e-13  # of the domain: a step that small ends the search
+SEARCHES = 4
+"""From how many points of the grid a search begins."""
+_STILL, _SAME = 1e-13, 1e-11  # a step so small, of the domain, or so little a gain, of the distance, ends the search
 _DAMPED, _LEAST_DAMPING = 1e-3, 1e-14
 _WIDER = 1.2  # what the parts of a grid may be wider than their sampled sides say
 _MAX_CELLS = 200_000
@@ -125,12 +126,12 @@ def distances(points: Array, target: PointSet) -> Array:
     return nearest(points, target).distances
 
 
-def nearest(points: Array, target: PointSet, *, enough: float = 0.0) -> Nearest:
+def nearest(points: Array, target: PointSet, *, enough: float = 0.0, searches: int = SEARCHES) -> Nearest:
     """The nearest points of a set; a search that comes as near as is enough is not begun again from elsewhere."""
-    starts = np.asarray(target.tree.query(points, k=_STARTS)[1])
+    starts = np.asarray(target.tree.query(points, k=range(1, searches + 1))[1])
     best = np.full(len(points), np.inf)
     places = np.zeros((len(points), target.variables))
-    for k in range(_STARTS):
+    for k in range(searches):
         again = np.flatnonzero(best > enough)
         if not len(again):
             break
@@ -153,10 +154,11 @@ def _refined(points: Array, places: Array, target: PointSet) -> tuple[Array, Arr
         moved = points[active] - target.evaluate(trial)
         found = np.linalg.norm(moved, axis=1)
         good = found <= best[active]
+        gains = best[active] - found
         kept = active[good]
         places[kept], offsets[kept], best[kept] = trial[good], moved[good], found[good]
         damping[active] = np.where(good, damping[active] / 10, np.maximum(10 * damping[active], _DAMPED))
-        active = active[np.abs(trial - here).max(axis=1) > _STILL]
+        active = active[(np.abs(trial - here).max(axis=1) > _STILL) & ~(good & (gains <= _SAME * found))]
         if not len(active):
             break
     return best, places

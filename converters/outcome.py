@@ -5,7 +5,9 @@ from __future__ import annotations
 import hashlib
 import importlib.metadata
 import math
+import os
 import platform
+import stat
 import sys
 import time
 from dataclasses import asdict, dataclass
@@ -151,6 +153,7 @@ def report_data(report: Report) -> dict[str, Any]:
             "name": joint.name,
             "wanted": joint.wanted,
             "found": joint.report.order,
+            "kept": joint.kept,
             "gap": joint.report.gap,
             "tangent_angle_deg": joint.report.tangent_angle_deg,
             "curvature_jump": joint.report.curvature_jump,
@@ -290,9 +293,11 @@ def sha256(path: str) -> str:
     Raises
     ------
     FileError
-        When there is no such file, or it cannot be read or is empty.
+        When there is no such file, or it cannot be read, is empty or no ordinary file.
     """
     try:
+        if not stat.S_ISREG(os.stat(path).st_mode):  # a pipe would be waited for
+            raise FileError(path, "is a folder" if os.path.isdir(path) else "is no ordinary file")
         with open(path, "rb") as file:
             digest = hashlib.file_digest(file, "sha256")
             if not file.tell():

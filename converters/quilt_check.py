@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from gtcad.continuity import JoinReport
 from gtcad.converters.bspline import BSplineSurface
 from gtcad.converters.chain_check import Joint
+from gtcad.converters.figures import Figure, Piece
 from gtcad.converters.folds import crease
-from gtcad.converters.part import BodyFacts, Part
+from gtcad.converters.pace import paced
+from gtcad.converters.part import BodyFacts
 from gtcad.converters.verdicts import Row, Verdict, compared, joined
 from gtcad.converters.wall import SMOOTH, wall_volume
 from gtcad.edge_check import check_edge
@@ -30,7 +32,12 @@ _THINNER = 0.99  # of a wall, whose volume tells the area of the last layer
 
 
 def check_quilt(
-    name: str, shape: Quilt | Solid, parts: Sequence[Part], tolerance: float
+    name: str,
+    shape: Quilt | Solid,
+    figures: Sequence[Figure],
+    groups: Sequence[Sequence[Piece]],
+    others: Sequence[Piece],
+    tolerance: float,
 ) -> tuple[list[Row], list[Joint]]:
     """Hold the faces that a file has for a quilt or a solid against its patches.
 
@@ -40,8 +47,12 @@ def check_quilt(
         Of the shape; its patches are called "name.patch".
     shape
         In mm.
-    parts
-        Its faces: those of patches by name, the others as they lie nearest to patches.
+    figures
+        Its patches.
+    groups
+        For each patch the faces that hold it, one or several together.
+    others
+        Faces of the same body, or with its name, that hold no patch.
     tolerance
         In mm.
 
@@ -50,82 +61,68 @@ def check_quilt(
     rows
         One for the whole, one for each patch.
     joints
-        One for each shared edge of which the file has both faces untrimmed.
+        One for each shared edge whose patches are each one untrimmed face.
     """
     quilt = shape.quilt if isinstance(shape, Solid) else shape
-    found = _by_patch(name, quilt, parts)
     rows = [
-        _row(f"{name}.{patch}", surface, part, tolerance)
-        for patch, surface, part in zip(quilt.names, quilt.patches, found, strict=True)
+        _row(f"{name}.{patch}", figure, group, tolerance)
+        for patch, figure, group in zip(quilt.names, figures, groups, strict=True)
     ]
-    held = [_held(surface, part) for surface, part in zip(quilt.patches, found, strict=True)]
-    joints = [joint for edge in quilt.edges if (joint := _joint(name, quilt, edge, held)) is not None]
-    more = len(parts) - sum(part is not None for part in found)
-    return [_whole(name, shape, parts, rows, more, tolerance), *rows], joints
+    held = [_held(surface, group) for surface, group in zip(quilt.patches, groups, strict=True)]
+    joints = [joint for edge in quilt.edges if (joint := _joint(name, quilt, edge, held, tolerance)) is not None]
+    pieces = [piece for group in groups for piece in group]
+    whole = _whole(name, shape, pieces, others, rows, tolerance)
+    if len(joints) < len(quilt.edges) and all(groups):
+        left_out = f"{len(quilt.edges) - len(joints)} of {len(quilt.edges)} shared edges not compared"
+        whole = replace(whole, remark=joined(whole.remark, left_out))
+    return [whole, *rows], joints
 
 
-def _row(name: str, surface: SeparableSurface, part: Part | None, tolerance: float) -> Row:
-    if part is None or not isinstance(part.geometry, BSplineSurface):
+def _row(name: str, figure: Figure, group: Sequence[Piece], tolerance: float) -> Row:
+    if not group:
         return Row(name, "missing")
-    if not part.valid:
-        return Row(name, "invalid", remark="the kernel calls it invalid")
-    return compared(name, surface, part, tolerance)
+    numbers = tuple(piece.index for piece in group)
+    if not all(piece.part.valid for piece in group):
+        return Row(name, "invalid", remark="the kernel calls it invalid", face=numbers)
+    return replace(compared(name, figure, [piece.figure for piece in group], tolerance), face=numbers)
 
 
-# --- which face is which patch ----------------------------------------------------------------------------------------
+# --- shared edges -----------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class _Held:
-    """A face's spline and how it runs: its u along the v of the patch, and against the patch's u and v."""
+    """What a face holds of a patch and how it runs: its u along the v of the patch, and against the patch's u and v."""
 
-    spline: BSplineSurface
+    surface: BSplineSurface | SeparableSurface
     transposed: bool
     backwards: tuple[bool, bool]
+    gap: float
 
     def side(self, side: str) -> str:
-        """The spline's side for a side of the patch."""
+        """The surface's side for a side of the patch."""
         axis = "uv".index(side[0])
         return f"{'uv'[axis ^ self.transposed]}{int(side[1]) ^ self.backwards[axis]}"
 
     def against(self, use: Use) -> bool:
-        """Whether the spline runs along the side against the patch."""
+        """Whether the surface runs along the side against the patch."""
         return self.backwards["uv".index(use.along)]
 
 
-def _by_patch(name: str, quilt: Quilt, parts: Sequence[Part]) -> list[Part | None]:
-    """The face of each patch: by its name, or else the one that lies nearest, over all as near as possible."""
-    from scipy.optimize import linear_sum_assignment
-
-    named = {part.name: part for part in reversed(parts)}
-    found = [named.get(f"{name}.{patch}") for patch in quilt.names]
-    known = {id(part) for part in found if part is not None}
-    left = [k for k, part in enumerate(found) if part is None]
-    others = [
-        part
-        for part in parts
-        if id(part) not in known
-        and isinstance(part.geometry, BSplineSurface)
-        and not (known and part.name.startswith(f"{name}."))
-    ]
-    gaps = np.array([[_ways(quilt.patches[k], part.geometry)[0] for part in others] for k in left])  # type: ignore[arg-type]
-    if gaps.size:
-        for row, column in zip(*linear_sum_assignment(gaps), strict=True):
-            found[left[row]] = others[column]
-    return found
-
-
-def _held(surface: SeparableSurface, part: Part | None) -> _Held | None:
-    if part is None or part.trimmed or not isinstance(part.geometry, BSplineSurface):
+def _held(surface: SeparableSurface, group: Sequence[Piece]) -> _Held | None:
+    if len(group) != 1 or group[0].figure.face is not None:
         return None
-    return _Held(part.geometry, *_ways(surface, part.geometry)[1:])
+    own = group[0].figure.geometry
+    assert isinstance(own, BSplineSurface | SeparableSurface)
+    gap, transposed, backwards = _ways(surface, own)
+    return _Held(own, transposed, backwards, gap)
 
 
-def _ways(surface: SeparableSurface, spline: BSplineSurface) -> tuple[float, bool, tuple[bool, bool]]:
-    """How far apart both are where the spline runs as it fits best, and how that is: transposed, backwards in u, v."""
+def _ways(surface: SeparableSurface, held: BSplineSurface | SeparableSurface) -> tuple[float, bool, tuple[bool, bool]]:
+    """How far apart both are where the face runs as it fits best, and how that is: transposed, backwards in u, v."""
     model = surface.evaluate(_PLACES[:, None], _PLACES[None, :])
-    (u0, u1), (v0, v1) = spline.domain
-    own = spline.evaluate((u0 * (1 - _PLACES) + u1 * _PLACES)[:, None], (v0 * (1 - _PLACES) + v1 * _PLACES)[None, :])
+    (u0, u1), (v0, v1) = ((0.0, 1.0), (0.0, 1.0)) if isinstance(held, SeparableSurface) else held.domain
+    own = held.evaluate((u0 * (1 - _PLACES) + u1 * _PLACES)[:, None], (v0 * (1 - _PLACES) + v1 * _PLACES)[None, :])
     ways = []
     for transposed, back_u, back_v in itertools.product((False, True), repeat=3):
         turned = own.swapaxes(0, 1) if transposed else own
@@ -134,46 +131,64 @@ def _ways(surface: SeparableSurface, spline: BSplineSurface) -> tuple[float, boo
     return min(ways)
 
 
-def _joint(name: str, quilt: Quilt, edge: SharedEdge, held: Sequence[_Held | None]) -> Joint | None:
-    """What happens at an edge in the file; None where a face is missing or trimmed."""
+def _joint(name: str, quilt: Quilt, edge: SharedEdge, held: Sequence[_Held | None], tolerance: float) -> Joint | None:
+    """What happens at an edge in the file; None where a face is missing, split or trimmed.
+
+    Faces with other parameters than the patches' cannot keep derivatives by these: only what points tell is wanted.
+    """
     first, second = (held[use.patch] for use in edge.uses)
     if first is None or second is None:
         return None
     backwards = edge.reversed ^ first.against(edge.first) ^ second.against(edge.second)
     sides = first.side(edge.first.side), second.side(edge.second.side)
-    found = check_edge(first.spline, sides[0], second.spline, sides[1], reversed=backwards)
+    wanted = edge.order
+    if max(first.gap, second.gap) <= tolerance:
+        found = check_edge(first.surface, sides[0], second.surface, sides[1], reversed=backwards)
+    else:
+        wanted = f"G{edge.order[1]}"
+        other = paced(second.surface, sides[1], first.surface, sides[0])
+        found = check_edge(first.surface, sides[0], other, sides[1], reversed=False)
     figures = (found.gap[1], found.normal_angle_deg, found.curvature_jump, found.curvature_rate_jump)
     orders = found.parametric_order, found.geometric_order
     report = JoinReport(*figures, 0.0, found.parametric_jumps, *orders)
     labels = (quilt.label(use) for use in edge.uses)
-    return Joint(f"{name}.{'-'.join(labels)}", edge.order, report)
+    return Joint(f"{name}.{'-'.join(labels)}", wanted, report)
 
 
 # --- the whole body ---------------------------------------------------------------------------------------------------
 
 
 def _whole(
-    name: str, shape: Quilt | Solid, parts: Sequence[Part], rows: Sequence[Row], more: int, tolerance: float
+    name: str,
+    shape: Quilt | Solid,
+    pieces: Sequence[Piece],
+    others: Sequence[Piece],
+    rows: Sequence[Row],
+    tolerance: float,
 ) -> Row:
     """The verdict on the shell or solid: the worst of its faces', and whether it is what the model says."""
-    if not parts:
+    if not pieces:
         return Row(name, "missing")
+    numbers = tuple(sorted({piece.index for piece in (*pieces, *others)}))
     worst = max((row.verdict for row in rows), key=_ORDER.index)
     deviations = [row.deviation for row in rows if row.deviation is not None]
     deviation = tuple(np.max(deviations, axis=0).tolist()) if len(deviations) == len(rows) else None
-    bodies = {id(part.body): part.body for part in parts}
-    if len(bodies) > 1 or (len(parts) > 1 and None in bodies.values()):
-        return Row(name, "failed", deviation, remark="its faces are not one shell or solid in the file")
+    bodies = {id(piece.part.body): piece.part.body for piece in (*pieces, *others)}
+    count = len(pieces) + len(others)
+    if len(bodies) > 1 or (count > 1 and None in bodies.values()):
+        return Row(name, "failed", deviation, remark="its faces are not one shell or solid in the file", face=numbers)
     body = next(iter(bodies.values()))
-    problems, fact = _problems(shape, body, more, tolerance)
+    problems, fact = _problems(shape, body, others, tolerance)
     if problems:
         worst = max(worst, "failed", key=_ORDER.index)
-    return Row(name, worst, deviation, "all faces", joined(*problems) or fact)
+    return Row(name, worst, deviation, "all faces", joined(*problems) or fact, face=numbers)
 
 
-def _problems(shape: Quilt | Solid, body: BodyFacts | None, more: int, tolerance: float) -> tuple[list[str], str]:
+def _problems(
+    shape: Quilt | Solid, body: BodyFacts | None, others: Sequence[Piece], tolerance: float
+) -> tuple[list[str], str]:
     """What is wrong with the body, and what it is."""
-    problems = _strangers(shape, more)
+    problems = _strangers(shape, others, tolerance)
     if body is None:
         return problems + (["a face, not a solid"] if isinstance(shape, Solid) else []), ""
     if isinstance(shape, Solid) and body.kind != "solid":
@@ -197,15 +212,33 @@ def _problems(shape: Quilt | Solid, body: BodyFacts | None, more: int, tolerance
     return [f"{fact}, but the model's volume is {float(exact):.9g} mm^3"], fact
 
 
-def _strangers(shape: Quilt | Solid, more: int) -> list[str]:
-    """Whether the body has other faces than it should, as far as their number is known: not of walls."""
+def _strangers(shape: Quilt | Solid, others: Sequence[Piece], tolerance: float) -> list[str]:
+    """Whether the body has other faces than it should, as far as that is known: not of walls.
+
+    A cap may be in several faces, each in its plane.
+    """
     if isinstance(shape, Solid) and shape.thickness is not None:
         return []
-    caps = len(shape.loops) if isinstance(shape, Solid) else 0
-    if more == caps:
+    loops = shape.loops if isinstance(shape, Solid) else ()
+    more = len(others)
+    if more == len(loops):
         return []
-    wanted = f", it should have {caps} for caps" if caps else ""
+    wanted = ""
+    if loops:
+        assert isinstance(shape, Solid)
+        rims = [np.concatenate([_points(shape.quilt, use) for use in loop]) for loop in loops]
+        on = [{k for k, rim in enumerate(rims) if _in_plane(piece.figure.marks, rim, tolerance)} for piece in others]
+        if all(on) and set().union(*on) == set(range(len(rims))):
+            return []
+        wanted = f", it should have {len(loops)} for caps"
     return [f"{more} face{'' if more == 1 else 's'} besides those of patches{wanted}"]
+
+
+def _in_plane(points: Array, rim: Array, tolerance: float) -> bool:
+    """Whether points lie in the plane of a rim."""
+    middle = rim.mean(axis=0)
+    normal = np.linalg.svd(rim - middle)[2][2]
+    return bool(np.abs((points - middle) @ normal).max() <= 2 * tolerance)
 
 
 def _volume(solid: Solid, tolerance: float) -> tuple[Estimate, float] | None:
@@ -225,7 +258,12 @@ def _volume(solid: Solid, tolerance: float) -> tuple[Estimate, float] | None:
 
 def _length(quilt: Quilt, use: Use) -> float:
     """Of a side, as that of a polygon."""
+    return float(np.linalg.norm(np.diff(_points(quilt, use), axis=0), axis=1).sum())
+
+
+def _points(quilt: Quilt, use: Use) -> Array:
+    """Points along a side."""
     t = np.linspace(0.0, 1.0, 65)
     fixed = np.full_like(t, float(use.side[1]))
     u, v = (fixed, t) if use.side[0] == "u" else (t, fixed)
-    return float(np.linalg.norm(np.diff(quilt.patches[use.patch].evaluate(u, v), axis=0), axis=1).sum())
+    return quilt.patches[use.patch].evaluate(u, v)

@@ -233,9 +233,11 @@ def _of_faces(inspection: Inspection) -> Iterator[Seen]:
         yield Seen("valid", name, None, face.middle, ", ".join(face.complaints), bool(face.complaints))
         places = [None if np.isnan(place).any() else place for place in face.crossing]
         yield Seen("loop-intersection", name, None, places[0] if places else None, "", bool(places))
-        yield Seen("tiny-face", name, float(np.sqrt(face.area)), face.middle)
+        yield Seen("tiny-face", name, float(np.sqrt(abs(face.area))), face.middle)
         if face.perimeter > 0:
-            yield Seen("narrow-face", name, 2 * face.area / face.perimeter, face.middle, "twice area over perimeter")
+            yield Seen(
+                "narrow-face", name, 2 * abs(face.area) / face.perimeter, face.middle, "twice area over perimeter"
+            )
         yield Seen("stored-tolerance", name, face.tolerance, face.middle)
 
 

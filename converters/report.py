@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING
 
 import gtcad
 from gtcad._files import written_whole
-from gtcad.converters import report_words as words
-from gtcad.converters.report_page import MAPS, index_table, joined, outcome_section, script_data
+from gtcad.converters.report_markup import joined, script_data
+from gtcad.converters.report_page import index_table, outcome_section
 from gtcad.converters.report_print import write_pdf, write_png
+from gtcad.converters.report_view import MAPS
+from gtcad.converters.report_words import title_of
 from gtcad.errors import FileError, InputError
 
 if TYPE_CHECKING:
@@ -58,7 +60,7 @@ def write_report(path: str | os.PathLike[str], outcomes: Sequence[Outcome]) -> N
     with written_whole(path) as temporary:
         try:
             if suffix == ".html":
-                temporary.write_text(html_page(outcomes), encoding="utf-8")
+                temporary.write_bytes(html_page(outcomes).encode("utf-8", "replace"))  # a name may hold half a letter
             else:
                 (write_pdf if suffix == ".pdf" else write_png)(temporary, outcomes)
         except OSError as error:
@@ -67,7 +69,7 @@ def write_report(path: str | os.PathLike[str], outcomes: Sequence[Outcome]) -> N
 
 def html_page(outcomes: Sequence[Outcome]) -> str:
     """The page as text."""
-    title = f"Check of {outcomes[0].file}" if len(outcomes) == 1 else f"Check of {len(outcomes)} files"
+    title = f"Check of {title_of(outcomes[0])}" if len(outcomes) == 1 else f"Check of {len(outcomes)} files"
     sections, room = [], _MOST_CORNERS
     for k, outcome in enumerate(outcomes):
         room -= 0 if outcome.scene is None else sum(len(face.vertices) for face in outcome.scene.faces)

@@ -4,21 +4,41 @@ from __future__ import annotations
 
 import decimal
 import math
+import os
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from gtcad.converters.scene import Scene, SceneCurve, SceneFace
 
 if TYPE_CHECKING:
     from gtcad.converters.outcome import Outcome
-
     from gtcad.converters.verdicts import Histogram, Row, Worst
 
 State = Literal["passed", "failed", "undecided", "error"]
 
-SEVERITY = ("proved", "estimated", "fine", "info", "warning", "undecided", "extra", "error", "failed", "invalid", "missing")
+STATES: tuple[State, ...] = ("passed", "undecided", "failed", "error")
+SEVERITY = (
+    "proved",
+    "estimated",
+    "fine",
+    "info",
+    "warning",
+    "undecided",
+    "extra",
+    "error",
+    "failed",
+    "invalid",
+    "missing",
+)
 LEVELS = ("error", "warning", "info")
-_STATES: dict[int, State] = {0: "passed", 1: "failed", 5: "undecided"}
+_BY_CODE: dict[int, State] = {0: "passed", 1: "failed", 5: "undecided"}
+_ROUNDING = 1e-12
+_WHOLE = 1e6  # whole numbers below are written out
 _BAD = {
     "failed": "outside the tolerance",
     "missing": "missing",
@@ -74,9 +94,14 @@ class Line:
     curves: tuple[int, ...] = ()
 
 
+def title_of(outcome: Outcome) -> str:
+    """The file without its folder."""
+    return os.path.basename(outcome.file) or outcome.file
+
+
 def state_of(outcome: Outcome) -> State:
     """What the exit code says."""
-    return _STATES.get(outcome.code, "error")
+    return _BY_CODE.get(outcome.code, "error")
 
 
 def headline(outcome: Outcome) -> str:
@@ -87,14 +112,16 @@ def headline(outcome: Outcome) -> str:
     if outcome.readiness is not None:
         sentences.append(_of_readiness(outcome))
     if not sentences:
-        return f"Not checked: {getattr(outcome, 'error', '') or f'the check ended with code {outcome.code}'}."
+        return f"Not checked: {outcome.message or f'the check ended with code {outcome.code}'}"
     return " ".join(sentences)
 
 
 def _of_shapes(outcome: Outcome) -> str:
     assert outcome.report is not None
-    rows, counts = outcome.report.rows, Counter(row.verdict for row in outcome.report.rows)
+    rows = outcome.report.rows
+    counts: Counter[str] = Counter(row.verdict for row in rows)
     allowed = "" if outcome.tolerance is None else f" {outcome.tolerance:g} mm"
+    goal = "the model" if not outcome.against else os.path.basename(outcome.against)
     bad = [f"{counts[verdict]} {words}" for verdict, words in _BAD.items() if counts[verdict]]
     lost = sum(not joint.kept for joint in outcome.report.joints)
     bad += [f"{_counted(lost, 'joint')} lost"] if lost else []
@@ -104,9 +131,11 @@ def _of_shapes(outcome: Outcome) -> str:
     total = _counted(len(rows), "shape")
     if not bad:
         if proved == len(rows):
-            return f"{total}, each proved to lie within{allowed} of the model{largest}."
-        return f"{total}: {proved} proved and {estimated} estimated to lie within{allowed} of the model{largest}."
-    worst = max((row for row in rows if row.deviation is not None and row.verdict == "failed"), key=_least, default=None)
+            return f"{total}, each proved to lie within{allowed} of {goal}{largest}."
+        return f"{total}: {proved} proved and {estimated} estimated to lie within{allowed} of {goal}{largest}."
+    worst = max(
+        (row for row in rows if row.deviation is not None and row.verdict == "failed"), key=_least, default=None
+    )
     where = "" if worst is None else f" Worst: {worst.name}, {downwards(_least(worst))} mm."
     return f"Of {total}, {', '.join(bad)}; {proved} proved and {estimated} estimated within{allowed}.{where}"
 
@@ -117,7 +146,7 @@ def _least(row: Row) -> float:
 
 def _of_readiness(outcome: Outcome) -> str:
     assert outcome.readiness is not None
-    counts = Counter(finding.level for finding in outcome.readiness.findings)
+    counts: Counter[str] = Counter(finding.level for finding in outcome.readiness.findings)
     texts = [_counted(counts[level], level) for level in LEVELS[:2]]
     return f"By the profile {outcome.readiness.profile}: {' and '.join(texts)}."
 
@@ -129,6 +158,30 @@ def _counted(count: int, noun: str) -> str:
 # --- lines ------------------------------------------------------------------------------------------------------------
 
 
+_AS_SHOWN = {"open": "free", "overused": "G0"}
+
+
+def measured_scene(outcome: Outcome) -> tuple[Scene, bool]:
+    """The scene with the orders of edges that the check for CAM measured, if it did, and whether it did."""
+    scene = Scene((), ()) if outcome.scene is None else outcome.scene
+    measured = () if outcome.readiness is None else outcome.readiness.facts.get("continuity", ())
+    if not measured:
+        return scene, False
+    by_faces: dict[frozenset[int], list[Mapping[str, Any]]] = {}
+    for edge in measured:
+        by_faces.setdefault(frozenset(numbers_of(edge["element"])), []).append(edge)
+    curves = []
+    for curve in scene.curves:
+        own = by_faces.get(frozenset(scene.faces[k].number for k in curve.faces), []) if curve.faces else []
+        order = None if not own else min(own, key=lambda edge: _apart(edge["point"], curve))["continuity"]
+        curves.append(curve if order is None else replace(curve, continuity=_AS_SHOWN.get(order, order)))
+    return replace(scene, curves=tuple(curves)), True
+
+
+def _apart(point: Sequence[float] | None, curve: SceneCurve) -> float:
+    return math.inf if point is None else float(np.linalg.norm(curve.points - point, axis=1).min())
+
+
 def lines_of(outcome: Outcome) -> list[Line]:
     """The table of shapes: of the check against a model, else of what the file holds."""
     if outcome.report is None:
@@ -138,35 +191,48 @@ def lines_of(outcome: Outcome) -> list[Line]:
 
 
 def _line(row: Row, outcome: Outcome) -> Line:
-    scene = outcome.scene
-    faces = curves = ()
-    if scene is not None:
-        wanted = set(row.face)
-        faces, curves = (
-            tuple(k for k, held in enumerate(all_of) if held.part in wanted or (not wanted and held.name == row.name))
-            for all_of in (scene.faces, scene.curves)
-        )
-    facts = [] if scene is None else [scene.faces[k].facts for k in faces] + [scene.curves[k].facts for k in curves]
+    scene = Scene((), ()) if outcome.scene is None else outcome.scene
+    faces, curves = _places(row, scene.faces), _places(row, scene.curves)
+    facts = [scene.faces[k].facts for k in faces] + [scene.curves[k].facts for k in curves]
     remark = "; ".join(filter(None, (row.method, row.remark)))
     return Line(
         row.name, row.verdict, row.deviation, row.worst, row.histogram, *_described(facts), remark, faces, curves
     )
 
 
+def _places(row: Row, everything: Sequence[SceneFace | SceneCurve]) -> tuple[int, ...]:
+    """Which of the faces or curves a row is about: those of its parts, or of its name when it tells no parts."""
+    if row.face:
+        return tuple(k for k, held in enumerate(everything) if held.part in row.face)
+    return tuple(k for k, held in enumerate(everything) if held.part >= 0 and held.name == row.name)
+
+
 def _held_lines(outcome: Outcome) -> Iterator[Line]:
     """Faces and free curves with the findings that name them."""
-    scene = outcome.scene
-    for k, held in enumerate((*scene.faces, *scene.curves) if scene is not None else ()):
-        assert scene is not None
-        if k >= len(scene.faces) and scene.curves[k - len(scene.faces)].part < 0:
-            continue  # an edge
-        findings = outcome.readiness.findings if outcome.readiness is not None else ()
-        own = [finding for finding in findings if finding.element == held.name]
+    if outcome.scene is None:
+        return
+    findings = outcome.readiness.findings if outcome.readiness is not None else ()
+    free = [(k, curve) for k, curve in enumerate(outcome.scene.curves) if curve.kind == "curve"]
+    everything: list[tuple[tuple[int, ...], tuple[int, ...], SceneFace | SceneCurve]] = [
+        *(((k,), (), face) for k, face in enumerate(outcome.scene.faces)),
+        *(((), (k,), curve) for k, curve in free),
+    ]
+    for faces, curves, held in everything:
+        own = [finding for finding in findings if _is_about(finding.element, held)]
         worst = next((level for level in LEVELS if any(finding.level == level for finding in own)), "fine")
-        places = ((k,), ()) if k < len(scene.faces) else ((), (k - len(scene.faces),))
         remark = "; ".join(dict.fromkeys(finding.criterion for finding in own))
-        kind, degree, poles = _described([held.facts])
-        yield Line(held.name, worst, None, None, None, kind, degree, poles, remark, *places)
+        yield Line(held.name, worst, None, None, None, *_described([held.facts]), remark, faces, curves)
+
+
+def _is_about(element: str, held: SceneFace | SceneCurve) -> bool:
+    if isinstance(held, SceneFace):
+        return held.number in numbers_of(element)[:1] and element.startswith("face ")
+    return element.startswith("curve ") and element.endswith(repr(held.name))
+
+
+def numbers_of(element: str) -> list[int]:
+    """The faces that the element of a finding names, by number: of "edge 5 of face 1 'a', face 2" 1 and 2."""
+    return [int(number) for number in re.findall(r"\bface (\d{1,9})\b", element)]
 
 
 def _described(facts: Sequence[Mapping[str, Any]]) -> tuple[str, str, int]:
@@ -195,7 +261,7 @@ def environment_of(outcome: Outcome) -> list[tuple[str, str]]:
         pairs.append(("tolerance", f"{outcome.tolerance:g} mm"))
     if outcome.readiness is not None:
         pairs.append(("profile", outcome.readiness.profile))
-    return pairs + [(key, value) for key, value in outcome.environment.items() if key not in dict(pairs)]
+    return pairs + [(key.replace("_", " "), value) for key, value in outcome.environment.items()]
 
 
 # --- numbers ----------------------------------------------------------------------------------------------------------
@@ -225,12 +291,14 @@ def interval(bounds: tuple[float, float] | None) -> str:
 
 
 def numbers(values: Sequence[float], digits: int = 6) -> str:
-    """Such as "(1, 2.5, 0)"."""
-    return f"({', '.join(f'{value:.{digits}g}' for value in values)})"
+    """Such as "(1, 2.5, 0)"; what is rounding beside the largest is 0."""
+    least = _ROUNDING * max(map(abs, values), default=0.0)
+    return f"({', '.join(f'{value if abs(value) > least else 0.0:.{digits}g}' for value in values)})"
 
 
 def figure(value: float | None, unit: str = "") -> str:
     """Four digits with the unit; nothing for None."""
     if value is None or not math.isfinite(value):
         return ""
-    return f"{value:.4g} {unit}".strip()
+    text = str(int(value)) if value == int(value) and abs(value) < _WHOLE else f"{value:.4g}"
+    return f"{text} {unit}".strip()

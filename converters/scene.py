@@ -13,11 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from gtcad._entries import ModelShape
 from gtcad.combs import comb
-from gtcad.composite import Composite
 from gtcad.converters.arcs import curve_of_arc
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
 from gtcad.converters.deviations import signed_distances
-from gtcad.converters.part import EllipseArc, Facets, Part, Side
+from gtcad.converters.part import EllipseArc, Facets, Geometry, Part, Side
 from gtcad.converters.quadrics import Quadric, surface_of_quadric
 from gtcad.converters.scene_edges import SceneCurve, shared_edges
 from gtcad.differential import ParametricSurface, normal, principal_curvatures
@@ -60,8 +59,8 @@ class SceneFace:
         1/mm^2, the mean one positive where the face bends towards its normal.
     net
         The lines of the control net, shape (k, 3) each.
-    part
-        Its place among the parts.
+    part, number
+        Its place among the parts, from 0, and among the faces, from 1.
     facts
         What the face is: "source", "degree", "poles", "rational", "trimmed", "valid".
     """
@@ -73,6 +72,7 @@ class SceneFace:
     values: Mapping[str, Array]
     net: tuple[Array, ...] = ()
     part: int = -1
+    number: int = 0
     facts: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -85,7 +85,11 @@ class Scene:
 
 
 def scene_of_parts(
-    parts: Sequence[Part], rows: Sequence[Row] = (), shapes: Mapping[str, ModelShape] | None = None
+    parts: Sequence[Part],
+    rows: Sequence[Row] = (),
+    shapes: Mapping[str, ModelShape] | None = None,
+    *,
+    others: Sequence[Part] = (),
 ) -> Scene:
     """What is to be drawn of the parts of a file.
 
@@ -96,7 +100,9 @@ def scene_of_parts(
     rows
         Of the check of these parts: they say which shape a face stands for.
     shapes
-        Of the model, in mm; without them deviations are NaN.
+        Of the model, in mm; without them, and without others, deviations are NaN.
+    others
+        Of another file that these parts were compared with: one for each row. A trimmed one stands for its surface.
 
     Returns
     -------
@@ -104,21 +110,16 @@ def scene_of_parts(
         For the eye: at most about 60 000 corners in all, deviations and orders of edges from samples. Faces that the
         kernel cannot divide are left out.
     """
-    patches = _patches(shapes or {})
-    wanted: dict[int, list[SeparableSurface]] = {}
-    for row in rows:
-        places = getattr(row, "face", ()) or [k for k, part in enumerate(parts) if part.name == row.name]
-        for place in places if row.name in patches else ():
-            wanted.setdefault(place, []).append(patches[row.name])
+    wanted = _wanted(parts, rows, shapes or {}, others)
     surfaces = [k for k, part in enumerate(parts) if isinstance(part.geometry, BSplineSurface | Quadric)]
     most = _MOST_VERTICES // max(1, len(surfaces))
     faces: list[SceneFace] = []
     sides: list[tuple[int, str, Side]] = []
-    for place in surfaces:
+    for number, place in enumerate(surfaces, start=1):
         facets = _facets(parts[place], most)
         if facets is not None:
             sides += [(len(faces), f"side {k + 1}", side) for k, side in enumerate(facets.sides)]
-            faces.append(_face(parts[place], place, facets, wanted.get(place, [])))
+            faces.append(_face(parts[place], (place, number), facets, wanted.get(place, [])))
     bodies = [parts[face.part].body for face in faces]
     edges = shared_edges(sides, [face.name for face in faces], [None if body is None else id(body) for body in bodies])
     curves = [
@@ -134,6 +135,27 @@ def _label(part: Part, place: int) -> str:
     return part.name or f"no. {place + 1}"
 
 
+def _wanted(
+    parts: Sequence[Part], rows: Sequence[Row], shapes: Mapping[str, ModelShape], others: Sequence[Part]
+) -> dict[int, list[ParametricSurface]]:
+    """For the places of faces the surfaces that they stand for."""
+    patches = _patches(shapes)
+    wanted: dict[int, list[ParametricSurface]] = {}
+    for k, row in enumerate(rows):
+        surface = _surface(others[k].geometry) if others else patches.get(row.name)
+        if surface is not None:
+            for place in row.face or [k for k, part in enumerate(parts) if part.name == row.name]:
+                wanted.setdefault(place, []).append(surface)
+    return wanted
+
+
+def _surface(geometry: Geometry) -> ParametricSurface | None:
+    """The surface of a face over the unit square."""
+    if isinstance(geometry, Quadric):
+        return surface_of_quadric(geometry)
+    return _Unit(geometry) if isinstance(geometry, BSplineSurface) else None
+
+
 def _patches(shapes: Mapping[str, ModelShape]) -> dict[str, SeparableSurface]:
     """The surfaces of a model under the names of their rows."""
     found: dict[str, SeparableSurface] = {}
@@ -143,7 +165,7 @@ def _patches(shapes: Mapping[str, ModelShape]) -> dict[str, SeparableSurface]:
             found.update(
                 {f"{name}.{patch}": surface for patch, surface in zip(quilt.names, quilt.patches, strict=True)}
             )
-        elif isinstance(shape, SeparableSurface) and not isinstance(shape, Composite):
+        elif isinstance(shape, SeparableSurface):
             found[name] = shape
     return {name: s if s.dimension == 3 else s.transformed(np.eye(3, 2)) for name, s in found.items()}
 
@@ -151,15 +173,14 @@ def _patches(shapes: Mapping[str, ModelShape]) -> dict[str, SeparableSurface]:
 # --- faces ------------------------------------------------------------------------------------------------------------
 
 
-def _face(part: Part, place: int, facets: Facets, shapes: Sequence[SeparableSurface]) -> SceneFace:
+def _face(part: Part, places: tuple[int, int], facets: Facets, shapes: Sequence[ParametricSurface]) -> SceneFace:
     deviation = np.full(len(facets.points), np.nan)
     if shapes:
         deviation = signed_distances(facets.points, facets.normals, shapes)
     values = {"deviation": deviation, "mean": facets.mean, "gaussian": facets.gaussian}
     normals = np.where(np.isfinite(facets.normals), facets.normals, _corner_normals(facets))
-    return SceneFace(
-        _label(part, place), facets.points, facets.triangles, normals, values, _net(part), place, _facts(part)
-    )
+    label, facts = _label(part, places[0]), _facts(part)
+    return SceneFace(label, facets.points, facets.triangles, normals, values, _net(part), *places, facts)
 
 
 def _corner_normals(facets: Facets) -> Array:
@@ -213,37 +234,33 @@ class _Unit:
 
     def derivative(self, u: ArrayLike, v: ArrayLike, orders: tuple[int, int] = (1, 0)) -> Array:
         (u0, u1), (v0, v1) = self.spline.domain
-        places = (np.clip(a + (b - a) * np.asarray(t), a, b) for a, b, t in ((u0, u1, u), (v0, v1, v)))
-        return self.spline.derivative(*places, orders) * (u1 - u0) ** orders[0] * (v1 - v0) ** orders[1]
+        x, y = (np.clip(a + (b - a) * np.asarray(t), a, b) for a, b, t in ((u0, u1, u), (v0, v1, v)))
+        return self.spline.derivative(x, y, orders) * (u1 - u0) ** orders[0] * (v1 - v0) ** orders[1]
 
 
 def _grid(part: Part, most: int) -> Facets:
     """Triangles of a whole parameter rectangle."""
     geometry = part.geometry
     assert isinstance(geometry, BSplineSurface | Quadric)
-    surface: ParametricSurface = (
-        _Unit(geometry) if isinstance(geometry, BSplineSurface) else surface_of_quadric(geometry)
-    )
+    surface = _surface(geometry)
+    assert surface is not None
     sign = -1.0 if part.reversed else 1.0
     nu, nv = _lines(geometry, surface, most)
-    u, v = np.linspace(0.0, 1.0, nu), np.linspace(0.0, 1.0, nv)
-    points, normals, mean, gaussian = _measured(surface, u[:, None], v[None, :], sign)
+    t, zero, one = np.linspace(0.0, 1.0, _ALONG), np.zeros(_ALONG), np.ones(_ALONG)
+    inside = (np.repeat(np.linspace(0.0, 1.0, nu), nv), np.tile(np.linspace(0.0, 1.0, nv), nu))
+    lines = (inside, (t, zero), (one, t), (t, one), (zero, t))
+    u, v = (np.concatenate(values) for values in zip(*lines, strict=True))  # at once: each call costs more than points
+    ends = np.cumsum([len(line[0]) for line in lines])[:-1]
+    (points, *along), (normals, *across), (mean, *bends), (gaussian, *_) = (
+        np.split(values, ends) for values in _measured(surface, u, v, sign)
+    )
     corner = np.arange(nu * nv).reshape(nu, nv)
     a, b, c, d = (corner[i, j].reshape(-1) for i, j in itertools.product((slice(-1), slice(1, None)), repeat=2))
     triangles = np.concatenate([np.stack([a, c, d], axis=1), np.stack([a, d, b], axis=1)])
     if part.reversed:
         triangles = triangles[:, ::-1]
-    t, zero, one = np.linspace(0.0, 1.0, _ALONG), np.zeros(_ALONG), np.ones(_ALONG)
-    lines = ((t, zero), (one, t), (t, one), (zero, t))
-    sides = tuple(Side(*_measured(surface, x, y, sign)[:3]) for x, y in lines)
-    return Facets(
-        points.reshape(-1, 3),
-        np.ascontiguousarray(triangles),
-        normals.reshape(-1, 3),
-        mean.reshape(-1),
-        gaussian.reshape(-1),
-        sides,
-    )
+    sides = tuple(Side(*values) for values in zip(along, across, bends, strict=True))
+    return Facets(points, np.ascontiguousarray(triangles), normals, mean, gaussian, sides)
 
 
 def _lines(geometry: BSplineSurface | Quadric, surface: ParametricSurface, most: int) -> tuple[int, int]:

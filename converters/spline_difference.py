@@ -177,8 +177,8 @@ def _stretched(x: float, ends: Bounds) -> float:
 
 
 def part_of_curve(spline: BSplineCurve, ends: Bounds) -> tuple[BSplineCurve, float]:
-    """The part over an interval of the domain as [0, 1], which may run backwards, and a bound of its rounding."""
-    start, end = (_stretched(x, spline.domain) for x in sorted(ends))
+    """The part over an interval of the domain, which may run backwards, and a bound of its rounding."""
+    start, end = _clipped(ends, spline.domain)
     rounding = 0.0
     if (start, end) != spline.domain:
         rounding = _cutting(spline, spline.degree)
@@ -187,10 +187,8 @@ def part_of_curve(spline: BSplineCurve, ends: Bounds) -> tuple[BSplineCurve, flo
 
 
 def part_of_surface(spline: BSplineSurface, ranges: tuple[Bounds, Bounds]) -> tuple[BSplineSurface, float]:
-    """The part over a rectangle of the domain as [0, 1]^2, which may run backwards, and a bound of its rounding."""
-    ends = [
-        tuple(_stretched(x, own) for x in sorted(bounds)) for bounds, own in zip(ranges, spline.domain, strict=True)
-    ]
+    """The part over a rectangle of the domain, which may run backwards, and a bound of its rounding."""
+    ends = [_clipped(bounds, own) for bounds, own in zip(ranges, spline.domain, strict=True)]
     rounding = 0.0
     if ends[0] != spline.domain[0]:
         rounding += _cutting(spline, spline.degree_u)
@@ -203,6 +201,11 @@ def part_of_surface(spline: BSplineSurface, ranges: tuple[Bounds, Bounds]) -> tu
     if ranges[1][0] > ranges[1][1]:
         spline = reversed_surface(spline.transposed()).transposed()
     return spline, rounding
+
+
+def _clipped(ends: Bounds, domain: Bounds) -> Bounds:
+    start, end = (min(max(x, domain[0]), domain[1]) for x in sorted(ends))
+    return start, end
 
 
 def cut_surface(spline: BSplineSurface, start: float, end: float) -> BSplineSurface:

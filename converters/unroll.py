@@ -15,7 +15,7 @@ from gtcad.flat_curves import FlatCurve
 from gtcad.flat_pattern import FlatPattern, develop
 from gtcad.flat_strip import FlatStrip, develop_strip
 from gtcad.model import Model
-from gtcad.protocol import SeparableCurve
+from gtcad.protocol import SeparableCurve, SeparableSurface
 from gtcad.quilt import Quilt
 from gtcad.solid import Solid
 
@@ -31,7 +31,7 @@ class Unrolled:
     sheet
         As it is drawn; None when it cannot be unrolled.
     facts
-        Plain data of the pattern: patches, area, twist_deg, twist_at, strain.
+        Plain data of the pattern: patches, areas, twist, strain, estimated error.
     error
         Why there is no sheet; empty when there is one.
     """
@@ -111,11 +111,14 @@ def _unrolled(
 ) -> Unrolled:
     if isinstance(shape, Solid):
         raise NotDevelopable("it is a solid; a quilt of the patches that share rulings can be unrolled")
-    pattern = develop_strip(shape, twist_deg=twist_deg) if isinstance(shape, Quilt) else develop(shape, twist_deg=twist_deg)  # type: ignore[arg-type]
+    pattern: FlatPattern | FlatStrip
+    if isinstance(shape, Quilt):
+        pattern = develop_strip(shape, twist_deg=twist_deg)
+    else:
+        assert isinstance(shape, SeparableSurface)
+        pattern = develop(shape, twist_deg=twist_deg)
     holes, marks = (_markings(model, name, pattern, hole) for hole in (True, False))
-    sheet = draw_pattern(
-        pattern, tolerance=tolerance, name=name, bend_lines=bend_lines, holes=holes, marks=marks
-    )
+    sheet = draw_pattern(pattern, tolerance=tolerance, name=name, bend_lines=bend_lines, holes=holes, marks=marks)
     return Unrolled(name, sheet, _facts(pattern))
 
 
@@ -130,7 +133,7 @@ def _facts(pattern: FlatPattern | FlatStrip) -> dict[str, Any]:
         "twist_deg": worst.twist_deg,
         "twist_at": worst.twist_at,
         "strain": max(loss.strain for loss in losses),
-        "error": pattern.error,
+        "pattern_error": pattern.error,
     }
 
 
@@ -138,9 +141,10 @@ def _markings(model: Model, name: str, pattern: FlatPattern | FlatStrip, hole: b
     """The curves that the model states on a shape, in the plane."""
     found = []
     for marking in model.markings:
-        patch = marking.on.removeprefix(f"{name}.") if isinstance(pattern, FlatStrip) else ""
-        wanted = f"{name}.{patch}" if isinstance(pattern, FlatStrip) else name
-        if marking.hole is not hole or marking.on != wanted or marking.on in model.shapes and marking.on != name:
+        on, patch = marking.on, ""
+        if isinstance(pattern, FlatStrip) and on not in model.shapes and on.startswith(f"{name}."):
+            on, patch = name, on.removeprefix(f"{name}.")
+        if marking.hole is not hole or on != name:
             continue
         curve = model[marking.curve]
         assert isinstance(curve, SeparableCurve | Composite)

@@ -32,9 +32,12 @@ if TYPE_CHECKING:
     from . import design_variables as design_variables
     from . import differential as differential
     from . import extremes as extremes
+    from . import fronts as fronts
     from . import interpolation as interpolation
     from . import measure as measure
+    from . import objectives as objectives
     from . import offset as offset
+    from . import optimize as optimize
     from . import patch_joins as patch_joins
     from . import patch_studies as patch_studies
     from . import patches as patches
@@ -67,10 +70,13 @@ __getattr__, __dir__, __all__ = lazy_names(
         "differential": "differential",
         "dump_model": "model",
         "extremes": "extremes",
+        "fronts": "fronts",
         "interpolation": "interpolation",
         "load_model": "model",
         "measure": "measure",
+        "objectives": "objectives",
         "offset": "offset",
+        "optimize": "optimize",
         "patch_joins": "patch_joins",
         "patch_studies": "patch_studies",
         "patches": "patches",

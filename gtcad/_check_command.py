@@ -2,53 +2,246 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Annotated
+import json
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from gtcad import _check_tables as check_tables
 from gtcad import _options as options
 from gtcad import _tables as tables
-from gtcad._command import Code, FileArgument, JsonOption, ToleranceOption, guarded, option, print_json
+from gtcad._command import JsonOption, guarded, option, print_json
+from gtcad.errors import InputError, ModelError
+
+if TYPE_CHECKING:
+    from gtcad.converters.manifest import Wanted
+    from gtcad.converters.outcome import Job, Outcome
+
+FilesArgument = Annotated[
+    list[str] | None, typer.Argument(metavar="FILE...", help="One or more .step, .stp, .igs, .iges, .brep files.")
+]
+AgainstOption = Annotated[
+    str, typer.Option("--against", metavar="OTHER", help="The model that the files were made from, or another file.")
+]
+CheckToleranceOption = Annotated[
+    str, typer.Option("--tolerance", metavar="LENGTH", help="With --against: in mm, or with a unit: 1e-4, 1e-5in.")
+]
+ProfileOption = Annotated[
+    str,
+    typer.Option("--profile", metavar="NAME", help="Readiness for CAM by the limits of cam, vda-4955 or sasig."),
+]
+LimitOption = Annotated[
+    list[str] | None, typer.Option("--limit", metavar="NAME=VALUE", help="Another limit: tiny-edge=0.01mm, degree=off.")
+]
+ProofOption = Annotated[bool, typer.Option("--require-proof", help="Do not accept estimates (exit code 5).")]
+ReportOption = Annotated[str, typer.Option("--report", metavar="OUT", help="Also write a .html, .pdf or .png report.")]
+JobsOption = Annotated[str, typer.Option("--jobs", "-j", metavar="N", help="Check N files at a time.")]
+SchedulerOption = Annotated[
+    str, typer.Option("--scheduler", metavar="ADDRESS", help="Check on the cluster of a dask scheduler.")
+]
+ResumeOption = Annotated[
+    str, typer.Option("--resume", metavar="LOG", help="Add results to LOG, and do not do again what it holds.")
+]
+ManifestOption = Annotated[
+    str, typer.Option("--manifest", metavar="LIST", help="A .toml or .json list of files and what to check them with.")
+]
+TimeoutOption = Annotated[str, typer.Option("--timeout", metavar="TIME", help="For each file: 600s, 10min, off.")]
+MemoryOption = Annotated[str, typer.Option("--memory", metavar="SIZE", help="For each file: 8GB, off.")]
+InProcessOption = Annotated[
+    bool, typer.Option("--in-process", help="Start no process for the kernel: its crash is then a crash of gtcad.")
+]
+MOST_JOBS = 256
 
 
 @guarded
 def check(
-    file: FileArgument,
+    files: FilesArgument = None,
     *,
-    against: Annotated[str, typer.Option("--against", metavar="MODEL", help="The model that the file was made from.")],
-    tolerance: ToleranceOption,
-    require_proof: Annotated[
-        bool, typer.Option("--require-proof", help="Do not accept estimates (exit code 5).")
-    ] = False,
+    against: AgainstOption = "",
+    tolerance: CheckToleranceOption = "",
+    profile: ProfileOption = "",
+    limit: LimitOption = None,
+    require_proof: ProofOption = False,
+    report: ReportOption = "",
+    jobs: JobsOption = "",
+    scheduler: SchedulerOption = "",
+    resume: ResumeOption = "",
+    manifest: ManifestOption = "",
+    timeout: TimeoutOption = "10min",
+    memory: MemoryOption = "8GB",
+    in_process: InProcessOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Read FILE back and prove how far its curves and surfaces are from those of a model."""
-    form = option("FILE", options.exchange_format, file)
-    option("--against", options.model_path, against)
-    allowed = option("--tolerance", options.length, tolerance)
-
-    from gtcad.converters import jobs
-    from gtcad.converters.check import check_parts
-    from gtcad.model import load_model
-
-    shapes = load_model(against).in_millimetres()
-    report = check_parts(jobs.read_parts(file, form), shapes, allowed)
-    if as_json:
-        print_json(file=file, against=against, tolerance=allowed, **tables.report_data(report))
+    """Prove how far FILE is from a model or another file, or, alone, tell whether it is ready for CAM."""
+    settings: dict[str, Any] = {
+        "limits": tuple(option("--limit", _limit, text) for text in limit or ()),
+        "require_proof": require_proof,
+        "scene": bool(report),
+    }
+    if report:
+        option("--report", options.report_path, report)
+    limits = {"timeout": option("--timeout", options.seconds, timeout), "memory": option("--memory", _memory, memory)}
+    workers = option("--jobs", lambda text: options.whole_number(text, 1, MOST_JOBS), jobs or "1")
+    several = bool(manifest or scheduler or resume or jobs or len(files or ()) > 1)
+    _refuse_pairs(files, manifest, report, resume, scheduler, jobs, in_process=in_process, several=several)
+    default = {"against": against, "tolerance": tolerance, "profile": profile}
+    todo = [_job(file, **default, **settings) for file in files or ()]
+    if manifest:
+        option("--manifest", options.model_path, manifest)
+        if not tolerance and against:
+            _tolerance(against, tolerance)
+        todo = _listed(manifest, default, settings)
+    if several:
+        code = _check_many(todo, report, as_json=as_json, workers=workers, scheduler=scheduler, log=resume, **limits)
     else:
-        tables.print_report(report)
-    for name in report.extra:
-        tables.message(f"Warning: {file} holds a shape that the model does not have: {name!r}")
-    lost = [joint for joint in report.joints if not joint.kept]
-    verdicts = [row.verdict for row in report.rows] + ["failed"] * len(lost)
-    code = _verdict_code(verdicts, require_proof=require_proof)
-    if code is not Code.FINE:
-        raise typer.Exit(int(code))
+        code = _check_one(todo[0], report, as_json=as_json, in_process=in_process, **limits)
+    if code:
+        raise typer.Exit(code)
 
 
-def _verdict_code(verdicts: Sequence[str], *, require_proof: bool) -> Code:
-    if any(verdict in ("failed", "missing", "invalid") for verdict in verdicts):
-        return Code.FAILED
-    accepted = {"proved"} if require_proof else {"proved", "estimated"}
-    return Code.FINE if accepted.issuperset(verdicts) else Code.UNDECIDED
+def _refuse_pairs(
+    files: list[str] | None,
+    manifest: str,
+    report: str,
+    resume: str,
+    scheduler: str,
+    jobs: str,
+    *,
+    in_process: bool,
+    several: bool,
+) -> None:
+    """Refuse options that do not go together."""
+
+    def refuse(reason: str, name: str) -> None:
+        raise typer.BadParameter(reason, param_hint=f"'{name}'")
+
+    if manifest and files:
+        refuse("takes the place of FILE", "--manifest")
+    if not manifest and not files:
+        refuse("is missing: name a file, or a --manifest", "FILE...")
+    if report and resume:
+        refuse("cannot be made from a log: leave out --resume", "--report")
+    if scheduler and jobs:
+        refuse("is for files on this machine, not for --scheduler", "--jobs")
+    if in_process and several:
+        refuse("is for one file", "--in-process")
+
+
+def _limit(text: str) -> tuple[str, float | None]:
+    from gtcad.converters.profiles import limit_of
+
+    return _refusing(limit_of, text)
+
+
+def _memory(text: str) -> int | None:
+    from gtcad.converters.isolated import LEAST_MEMORY
+
+    size = options.size(text)
+    if size is not None and size < LEAST_MEMORY:
+        raise options.Refused(f"must be at least 1GB, which the kernel needs, or off, got {text!r}")
+    return size
+
+
+def _refusing(convert: Any, text: str) -> Any:
+    try:
+        return convert(text)
+    except InputError as error:
+        raise options.Refused(str(error)) from None
+
+
+def _job(
+    file: str, *, against: str, tolerance: str, profile: str, limits: Any, require_proof: bool, scene: bool
+) -> Job:
+    """What is asked about one file, judged before it is opened."""
+    from gtcad.converters.outcome import Job
+    from gtcad.converters.profiles import profile_of
+
+    form = option("FILE", options.exchange_format, file)
+    other = option("--against", options.any_format, against) if against else ""
+    allowed = _tolerance(against, tolerance)
+    if require_proof and not against:
+        raise typer.BadParameter("is for --against", param_hint="'--require-proof'")
+    name = profile or ("" if against and not limits else "cam")
+    if name:
+        option("--profile", lambda text: _refusing(profile_of, text), name)
+    return Job(file, form, against or None, other, allowed, name or None, limits, require_proof, scene)
+
+
+def _tolerance(against: str, tolerance: str) -> float | None:
+    if not against and tolerance:
+        raise typer.BadParameter("is for --against: say what the file is to be compared with", param_hint="'--against'")
+    if against and not tolerance:
+        raise typer.BadParameter("is missing: --against needs a tolerance", param_hint="'--tolerance'")
+    return option("--tolerance", options.length, tolerance) if tolerance else None
+
+
+def _listed(manifest: str, default: dict[str, str], settings: dict[str, Any]) -> list[Job]:
+    """The jobs of a list; what an entry leaves out the options give."""
+    from gtcad.converters.manifest import read_manifest
+
+    found, problems = [], []
+    for wanted in read_manifest(manifest):
+        try:
+            found.append(_job(wanted.file, **_filled(wanted, default), **settings))
+        except typer.BadParameter as error:
+            problems.append(f"{wanted.place}: {error.message}")
+    if problems:
+        raise ModelError(manifest, problems)
+    return found
+
+
+def _filled(wanted: Wanted, default: dict[str, str]) -> dict[str, str]:
+    own = {"against": wanted.against, "tolerance": wanted.tolerance, "profile": wanted.profile}
+    return {name: value or default[name] for name, value in own.items()}
+
+
+def _check_one(job: Job, report: str, *, as_json: bool, in_process: bool, **limits: Any) -> int:
+    from gtcad.converters.isolated import Runner
+    from gtcad.converters.outcome import run_job, sha256
+
+    sha256(job.file)  # what is missing or empty is known before a process is started
+    outcome = run_job(job) if in_process else Runner(**limits).run(run_job, job)
+    if as_json:
+        print_json(**outcome.as_data())
+    else:
+        if outcome.report is not None:
+            check_tables.print_report(outcome.report)
+        if outcome.readiness is not None:
+            check_tables.print_readiness(outcome.readiness)
+    _warn(outcome)
+    _write_report(report, [outcome])
+    return outcome.code
+
+
+def _check_many(todo: list[Job], report: str, *, as_json: bool, scheduler: str, log: str, **settings: Any) -> int:
+    from gtcad.converters.batch import check_many
+    from gtcad.converters.outcome import worst_code
+
+    codes, outcomes = [], []
+    with tables.progress("checking", len(todo)) as advance:
+        for entry in check_many(todo, scheduler=scheduler or None, log=log or None, **settings):
+            codes.append(entry.code)
+            if as_json:
+                print(json.dumps(entry.data), flush=True)
+            else:
+                check_tables.print_line(entry.data, known=entry.outcome is None)
+            if entry.outcome is not None:
+                _warn(entry.outcome)
+                outcomes += [entry.outcome] if report else []
+            advance()
+    tables.message(check_tables.summary(codes))
+    _write_report(report, outcomes)
+    return worst_code(codes)
+
+
+def _warn(outcome: Outcome) -> None:
+    for name in () if outcome.report is None else outcome.report.extra:
+        other = "model" if outcome.against is not None and options.is_model(outcome.against) else "other file"
+        tables.message(f"Warning: {outcome.file} holds a shape that the {other} does not have: {name!r}")
+
+
+def _write_report(path: str, outcomes: list[Outcome]) -> None:
+    if path:
+        from gtcad.converters.report import write_report
+
+        write_report(path, outcomes)

@@ -52,7 +52,7 @@ def polish(search: Search, designs: Sequence[Array] | Array, most: int = 1, *, n
         _downhill(search, start, noted=noted)
     if search.problem.excess is None or is_minimum(search):
         return is_minimum(search)
-    return any([_compass(search, start) for start in [*starts, search.design]])
+    return _compass(search, search.design)
 
 
 def scan(search: Search) -> None:
@@ -136,7 +136,7 @@ def _compass(search: Search, start: Array) -> bool:
 
 
 def evolution(search: Search, start: Array, particles: int, iterations: int, rng: np.random.Generator) -> None:
-    """scipy's differential evolution with as many members and generations, vectorised."""
+    """Scipy's differential evolution with as many members and generations, vectorised."""
     from scipy.optimize import NonlinearConstraint, differential_evolution
 
     dimension = search.problem.dimension

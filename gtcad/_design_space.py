@@ -1,7 +1,7 @@
 """Shapes as functions of their design variables, one by one or, where they are affine in them, thousands at a time.
 
-The GT functions are affine in a pair: ``f = a + gamma_1 b + gamma_2 c``. So are, in each of their pairs, most shapes and
-all their derivatives, and
+The GT functions are affine in a pair: ``f = a + gamma_1 b + gamma_2 c``. So are, in each of their pairs, most shapes
+and all their derivatives, and
 
     S(gamma) = sum_k w_k(gamma) S_k,   w_k = product over the pairs of 1, gamma_1 or gamma_2.
 
@@ -39,7 +39,7 @@ _AT_ONCE = 2_000_000  # numbers in one block of designs
 
 
 def variables_of(shape: Any) -> dict[str, Gamma]:
-    """Pairs of design variables by name: "gamma" of a curve or a plane family, those of ``design_variables`` of a patch.
+    """Pairs of design variables by name: "gamma" of a curve or planes, those of ``design_variables`` of a patch.
 
     Raises
     ------
@@ -52,9 +52,7 @@ def variables_of(shape: Any) -> dict[str, Gamma]:
         return design_variables(shape)
     if isinstance(shape, Curve | PlaneFamily):
         return {"gamma": shape.gamma} if shape.family.takes_gamma else {}
-    raise InputError(
-        f"shape must be a curve, a patch or a family of planes, got {type(shape).__name__}: optimise its parts one by one"
-    )
+    raise InputError(f"shape must be a curve, a patch or a family of planes, got {type(shape).__name__}")
 
 
 def with_variables(shape: Any, changes: Mapping[str, Gamma]) -> Any:
@@ -93,7 +91,9 @@ class DesignSpace:
         known = variables_of(shape)
         if not known:
             raise InputError("the shape has no design variables: its functions are all of families without any")
-        allowed = {f"{name}[{k}]": ((name, k),) for name in known for k in (0, 1)}
+        allowed: dict[str, tuple[tuple[str, int], ...]] = {
+            f"{name}[{k}]": ((name, k),) for name in known for k in (0, 1)
+        }
         allowed |= {name: ((name, 0), (name, 1)) for name in known}
         wanted = tuple(known) if variables is None else (variables,) if isinstance(variables, str) else tuple(variables)
         if not wanted or not all(isinstance(name, str) and name in allowed for name in wanted):

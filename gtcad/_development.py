@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -132,12 +133,16 @@ class Rulings:
             inside = np.flatnonzero(sizes[1:-1] <= _VANISHES * sizes.max()) + 1
             if inside.size:
                 raise NotDevelopable(f"{what} at {self.across} = {t[inside[0]]:.6g}", parameter=float(t[inside[0]]))
-        both = all(any(self._vanishes(one, end) for one in (self.ruling, self.middle)) for end in (0.0, 1.0))
-        return [0.0, 0.5, 1.0] if both else [0.0, 1.0]
+        return [0.0, 0.5, 1.0] if len({end for _, end in self._zeros}) == 2 else [0.0, 1.0]
 
-    def _vanishes(self, vectors: _Vectors, end: float) -> bool:
-        sizes = np.linalg.norm(vectors(np.array([end, 0.25, 0.5, 0.75]), 0), axis=1)
-        return bool(sizes[0] <= _VANISHES * sizes.max())
+    @cached_property
+    def _zeros(self) -> set[tuple[str, float]]:
+        """Which vectors vanish at which end of [0, 1], by name."""
+        found = set()
+        for vectors in (self.ruling, self.middle):
+            sizes = np.linalg.norm(vectors(np.array([0.0, 0.25, 0.5, 0.75, 1.0]), 0), axis=1)
+            found |= {(vectors.__name__, end) for end in (0.0, 1.0) if sizes[int(4 * end)] <= _VANISHES * sizes.max()}
+        return found
 
     def frame(self, t: Array, start: float, end: float) -> Frame:
         """The moving frame at parameters inside a span of which one end at most is singular."""
@@ -159,7 +164,7 @@ class Rulings:
     def _without_zero(self, vectors: _Vectors, t: Array, start: float, end: float) -> tuple[Array, Array]:
         """A vector and its derivative, divided by the distance from the end of [0, 1] where it vanishes."""
         for anchor, sign in ((0.0, 1.0), (1.0, -1.0)):
-            if anchor in (start, end) and self._vanishes(vectors, anchor):
+            if anchor in (start, end) and (vectors.__name__, anchor) in self._zeros:
                 z, weights = gauss_legendre(_QUOTIENT)
                 x, weights = (z + 1) / 2, sign * weights / 2
                 places = np.clip(anchor + x * (t[:, None] - anchor), 0.0, 1.0).reshape(-1)

@@ -137,7 +137,7 @@ def document_text(document: Mapping[str, Any], suffix: str) -> str:
     ----------
     document
         The fields of the file; ``shape`` last, a list of mappings whose values are strings, numbers, truth values,
-        lists, or such mappings.
+        lists, or such mappings; other fields may be such lists too.
     suffix
         ``.json`` or ``.toml``.
     """
@@ -146,9 +146,11 @@ def document_text(document: Mapping[str, Any], suffix: str) -> str:
 
 
 def _toml_text(head: list[tuple[str, Any]], shapes: list[dict[str, Any]]) -> str:
-    lines = [f"{key} = {_value(value, '')}" for key, value in head]
-    for shape in shapes:
-        lines += ["", "[[shape]]", *_toml_table(shape, "shape")]
+    lines = [f"{key} = {_value(value, '')}" for key, value in head if not _is_table(value)]
+    tables = [(key, value) for key, value in head if _is_table(value)]
+    for key, entries in [*tables, ("shape", shapes)]:
+        for entry in entries:
+            lines += ["", f"[[{key}]]", *_toml_table(entry, key)]
     return "\n".join(lines) + "\n"
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from gtcad._design_space import DesignSpace
 from gtcad.basis import Gamma
 from gtcad.errors import GtcadError, InputError
-from gtcad.patches.minimal import Energy, ExtremalEnergies, Plateau, extremal, fixed_contour
+from gtcad.patches._forms import Energy
+from gtcad.patches.minimal import ExtremalEnergies, Plateau, extremal, fixed_contour
 from gtcad.protocol import SeparableSurface
 from gtcad.surface import Surface
 
@@ -65,9 +66,10 @@ def _inner(shape: Surface | Plateau) -> Array:
 
 
 def _solved(shape: Surface | Plateau, energy: Energy, gamma_u: Gamma, gamma_v: Gamma) -> Surface | Plateau:
+    gammas: Any = {"gamma_u": gamma_u, "gamma_v": gamma_v}
     if isinstance(shape, Plateau):
-        return fixed_contour(shape.contour, shape.degrees, energy, gamma_u=gamma_u, gamma_v=gamma_v, family=shape.family)
-    return extremal(shape.control_points, energy, gamma_u=gamma_u, gamma_v=gamma_v, family=shape.family_u)
+        return fixed_contour(shape.contour, shape.degrees, energy, family=shape.family, **gammas)
+    return extremal(shape.control_points, energy, family=shape.family_u, **gammas)
 
 
 @dataclass(frozen=True)

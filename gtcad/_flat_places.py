@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtcad._development import Span
+from gtcad.chebyshev import UNIT_ROUNDOFF
 from gtcad.errors import InputError
 
 Array = NDArray[np.float64]
@@ -144,7 +145,7 @@ def _on_span(span: Span, points: Array, distances: Array) -> tuple[Array, Array]
             step = t - value / slope
         middle = (low + high) / 2
         following = np.where((step >= low) & (step <= high), step, middle)
-        done = np.abs(following - t) <= 1e-16
+        done = np.abs(following - t) <= 4 * UNIT_ROUNDOFF
         t = following
         if done.all():
             break

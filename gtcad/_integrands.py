@@ -95,7 +95,7 @@ CURVE: dict[str, Integrand] = {
 def _area(jets: Numbers) -> Numbers:
     s_u, s_v = jets[0], jets[1]
     if jets.shape[-1] == 2:
-        return np.sqrt((s_u[..., 0] * s_v[..., 1] - s_u[..., 1] * s_v[..., 0]) ** 2)
+        return np.asarray(np.sqrt((s_u[..., 0] * s_v[..., 1] - s_u[..., 1] * s_v[..., 0]) ** 2))
     crossed = np.cross(s_u, s_v)
     return np.sqrt(_dot(crossed, crossed))
 

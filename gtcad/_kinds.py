@@ -21,7 +21,17 @@ from gtcad._curve_kinds import (
     chain_data,
     curve_data,
 )
+from gtcad._developable_kinds import (
+    DEVELOPABLE_ENTRIES,
+    EnvelopingEntry,
+    GeodesicDevelopableEntry,
+    QuasiDevelopableEntry,
+    SpineDevelopableEntry,
+    developable_data,
+)
 from gtcad._entries import ModelShape, ShapeEntry, Strict
+from gtcad._markings import MarkingFields
+from gtcad._minimal_kinds import MINIMAL_ENTRIES, PlateauEntry, TBCoonsEntry, minimal_data
 from gtcad._patch_kinds import (
     PATCH_ENTRIES,
     ConeEntry,
@@ -64,6 +74,12 @@ Entry = Annotated[
     | RotationEntry
     | LoftedEntry
     | CoonsEntry
+    | EnvelopingEntry
+    | SpineDevelopableEntry
+    | GeodesicDevelopableEntry
+    | QuasiDevelopableEntry
+    | PlateauEntry
+    | TBCoonsEntry
     | QuiltEntry
     | SolidEntry,
     Field(discriminator="kind"),
@@ -77,6 +93,8 @@ ENTRIES: dict[str, type[ShapeEntry]] = {
     "parabola": ParabolaEntry,
     "surface": SurfaceEntry,
     **PATCH_ENTRIES,
+    **DEVELOPABLE_ENTRIES,
+    **MINIMAL_ENTRIES,
     "quilt": QuiltEntry,
     "solid": SolidEntry,
 }
@@ -91,6 +109,7 @@ class ModelFile(Strict):
     unit: Annotated[Literal["mm", "cm", "m", "in", "ft"], BeforeValidator(checks.one_of(*MILLIMETRES))] = Field(
         default="mm", description="The unit of all coordinates: 1, 10, 1000, 25.4 or 304.8 mm."
     )
+    marking: list[MarkingFields] = Field(default=[], description="Curves on shapes, for their flat patterns.")
     shape: list[Entry] = Field(description="The shapes, in the order in which they are exported.", min_length=1)
 
 
@@ -125,7 +144,8 @@ def _fields(shape: ModelShape) -> tuple[str, dict[str, Any]]:
     elif isinstance(shape, SeparableCurve):
         found = "curve", curve_data(shape)
     else:
-        found = patch_data(shape) or ("surface", surface_data(shape))
+        found = minimal_data(shape) or patch_data(shape) or developable_data(shape)
+        found = found or ("surface", surface_data(shape))
     if found is None or found[1] is None:
         whole = shape.shape if isinstance(shape, RestrictedCurve | RestrictedSurface) else shape
         of = "" if whole is shape else f" of {type(whole).__name__}"

@@ -82,10 +82,11 @@ class PatchEntry(ShapeEntry):
 
     def found(self, shapes: Shapes, field: str) -> SeparableCurve:
         """The curve of a field."""
-        return _found(shapes, field, getattr(self, field))
+        return curve_of(shapes, field, getattr(self, field))
 
 
-def _found(shapes: Shapes, where: str, curve: CurveFields | str) -> SeparableCurve:
+def curve_of(shapes: Shapes, where: str, curve: CurveFields | str) -> SeparableCurve:
+    """The curve that a field spells out or names."""
     found = shapes[curve] if isinstance(curve, str) else curve.curve()
     if not isinstance(found, SeparableCurve):
         raise InputError(f"{where} must be a single curve, {shown(curve)} is {what(found)}")
@@ -238,7 +239,7 @@ class LoftedEntry(PatchEntry):
 
     def build(self, shapes: Shapes) -> SeparableSurface:
         """The patch."""
-        sections = [_found(shapes, f"sections[{k}]", section) for k, section in enumerate(self.sections)]
+        sections = [curve_of(shapes, f"sections[{k}]", section) for k, section in enumerate(self.sections)]
         return patches.Lofted(sections, self.parameters, self.gamma_v or (0.0, 0.0), FAMILIES[self.family_v])
 
 
@@ -274,15 +275,15 @@ def patch_data(patch: SeparableSurface) -> tuple[str, dict[str, Any]] | None:
     kind, fields = type(patch).__name__.lower(), dict[str, Any]()
     match patch:
         case patches.Swung():
-            fields = {"factor": patch.factor} | _placement(patch.placement)
+            fields = {"factor": patch.factor} | placement_fields(patch.placement)
         case patches.Rotation():
             axis = {"axis_point": list(patch.axis_point), "axis_direction": list(patch.axis_direction)}
-            fields = axis | {"angle": patch.angle_deg, "start": patch.start_deg} | _placement(patch.placement)
+            fields = axis | {"angle": patch.angle_deg, "start": patch.start_deg} | placement_fields(patch.placement)
         case patches.Sweep():
             fields = {"frame": patch.frame, "scale": list(patch.scale), "twist": patch.twist_deg}
             if patch.start_normal is not None:
                 fields["start_normal"] = list(patch.start_normal)
-            fields |= ({"closed": True} if patch.closed else {}) | _placement(patch.placement)
+            fields |= ({"closed": True} if patch.closed else {}) | placement_fields(patch.placement)
         case patches.Lofted():
             fields = {"parameters": list(patch.parameters)} | basis_fields("family_v", patch.family_v)
             fields |= gamma_fields("gamma_v", patch.gamma_v, patch.family_v)
@@ -299,5 +300,6 @@ def patch_data(patch: SeparableSurface) -> tuple[str, dict[str, Any]] | None:
     return (kind, fields) if held else None
 
 
-def _placement(placement: Sequence[Sequence[float]] | None) -> dict[str, Any]:
+def placement_fields(placement: Sequence[Sequence[float]] | None) -> dict[str, Any]:
+    """The field of a placement, left out where there is none."""
     return {} if placement is None else {"placement": [list(row) for row in placement]}

@@ -13,6 +13,7 @@ from gtcad import _checks as checks
 from gtcad._curve_kinds import CurveName
 from gtcad._documents import Location, Problem, shown
 from gtcad._entries import INLINE, NAMED, ShapeEntry, Shapes, Strict, Yes
+from gtcad._minimal_kinds import MINIMAL_ENTRIES, PlateauEntry, TBCoonsEntry, minimal_data
 from gtcad._patch_kinds import (
     PATCH_ENTRIES,
     ConeEntry,
@@ -46,7 +47,7 @@ def _tag(value: Any) -> str | None:
     return f"{INLINE}{kind}" if isinstance(kind, str) else None
 
 
-PATCHES = ("surface", *PATCH_ENTRIES)
+PATCHES = ("surface", *PATCH_ENTRIES, *MINIMAL_ENTRIES)
 
 
 def _patch(value: Any, info: ValidationInfo) -> Any:
@@ -80,7 +81,9 @@ PatchField = Annotated[
     | Annotated[SwungEntry, Tag(f"{INLINE}swung")]
     | Annotated[RotationEntry, Tag(f"{INLINE}rotation")]
     | Annotated[LoftedEntry, Tag(f"{INLINE}lofted")]
-    | Annotated[CoonsEntry, Tag(f"{INLINE}coons")],
+    | Annotated[CoonsEntry, Tag(f"{INLINE}coons")]
+    | Annotated[PlateauEntry, Tag(f"{INLINE}plateau")]
+    | Annotated[TBCoonsEntry, Tag(f"{INLINE}tb_coons")],
     Discriminator(_tag),
     BeforeValidator(_patch),
 ]
@@ -217,7 +220,7 @@ def quilt_data(quilt: Quilt) -> dict[str, Any] | None:
     """The fields of a quilt, or None when a model file cannot hold a patch of it."""
     entries = []
     for name, patch in zip(quilt.names, quilt.patches, strict=True):
-        found = patch_data(patch)
+        found = minimal_data(patch) or patch_data(patch)
         if found is None:
             fields = surface_data(patch)
             if fields is None:

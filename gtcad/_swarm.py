@@ -118,7 +118,7 @@ def swarm(search: Search, start: Array, settings: SwarmSettings, rng: np.random.
         if settings.patience is not None and number - last_change >= settings.patience:
             break
     order = np.lexsort((value, excess))
-    return own[order[excess[order] == 0]]
+    return np.asarray(own[order[excess[order] == 0]])
 
 
 def _remember(search: Search, x: Array, own: Array, value: Array, excess: Array) -> None:

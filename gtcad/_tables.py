@@ -12,12 +12,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gtcad.continuity import JoinReport
-    from gtcad.converters.check import Report
     from gtcad.converters.doctor import Diagnosis
 
 NAME = "name"  # the column that gives way when a table gets too wide
 LEAST_NAME = 12
+FLAT_COLUMNS = (NAME, "size, mm", "area, mm^2", "bends", "deviation in mm", "remark")
+VISIBLE_STRAIN = 1e-9
 MESH_COLUMNS = (NAME, "vertices", "triangles", "deviation in mm")
 
 
@@ -115,61 +115,26 @@ def export_row(shape: Mapping[str, Any]) -> list[str]:
     return [shape["name"], poles, degree, interval(shape["deviation"]), form]
 
 
-def report_data(report: Report) -> dict[str, Any]:
-    """What a check found, as plain data."""
-    rows = [
-        {
-            "name": row.name,
-            "verdict": row.verdict,
-            "deviation": None if row.deviation is None else list(row.deviation),
-            "method": row.method,
-            "remark": row.remark,
-        }
-        for row in report.rows
-    ]
-    joints = [
-        {
-            "name": joint.name,
-            "wanted": joint.wanted,
-            "found": joint.report.order,
-            "gap": joint.report.gap,
-            "tangent_angle_deg": joint.report.tangent_angle_deg,
-            "curvature_jump": joint.report.curvature_jump,
-            "curvature_rate_jump": joint.report.curvature_rate_jump,
-            "torsion_jump": joint.report.torsion_jump,
-        }
-        for joint in report.joints
-    ]
-    return {"shapes": rows, "joints": joints, "extra": list(report.extra)}
-
-
-def print_report(report: Report) -> None:
-    """Print the verdicts of a check, the joints of its chains, and how many there are of each verdict."""
-    rows = [[row.name, row.verdict, interval(row.deviation), row.method, row.remark] for row in report.rows]
-    print_table((NAME, "verdict", "deviation in mm", "method", "remark"), rows)
-    if report.joints:
-        print_table(
-            (NAME, "wanted", "found", "gap, mm", "angle, deg", "curvature", "its rate"),
-            [[joint.name, joint.wanted, joint.report.order, *_jumps(joint.report)] for joint in report.joints],
-        )
-    counts = Counter(row.verdict for row in report.rows)
-    texts = [f"{count} {verdict}" for verdict, count in counts.items()]
-    for kept, what in ((True, "kept"), (False, "lost")):
-        count = sum(joint.kept == kept for joint in report.joints)
-        if count:
-            texts.append(f"{count} joint{'s' if count > 1 else ''} {what}")
-    print("; ".join(texts))
-
-
-def _jumps(join: JoinReport) -> list[str]:
-    values = (join.gap, join.tangent_angle_deg, join.curvature_jump, join.curvature_rate_jump)
-    return [f"{value:.1e}" if math.isfinite(value) else "-" for value in values]
-
-
 def mesh_row(shape: Mapping[str, Any]) -> list[str]:
     """Name, vertices, triangles and proved deviation of a meshed surface, rounded up."""
     deviation = _rounded(shape["deviation"], decimal.ROUND_CEILING)
     return [shape["name"], str(shape["vertices"]), str(shape["triangles"]), deviation]
+
+
+def flat_row(shape: Mapping[str, Any]) -> list[str]:
+    """Name, size, area, bend lines, deviation and remark of a flat pattern."""
+    if "error" in shape:
+        return [shape["name"], "-", "-", "-", "-", "failed"]
+    remarks = [f"{shape['patches']} patches"] if shape["patches"] > 1 else []
+    for field in ("hole", "mark"):
+        count = shape[f"{field}s"]
+        remarks += [f"{count} {field}{'s' if count > 1 else ''}"] if count else []
+    remarks += [f"strain {shape['strain']:.1e}"] if shape["strain"] > VISIBLE_STRAIN else []
+    remarks += ["overlaps"] if shape["overlap"] else []
+    sides = " x ".join(f"{side:.5g}" for side in shape["size"])
+    deviation = _rounded(shape["deviation"], decimal.ROUND_CEILING)
+    bends = str(shape["bend_lines"] or "-")
+    return [shape["name"], sides, f"{shape['area']:.6g}", bends, deviation, ", ".join(remarks)]
 
 
 def model_row(shape: Mapping[str, Any]) -> list[str]:

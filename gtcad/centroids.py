@@ -54,19 +54,17 @@ def area_centroid(surfaces: ParametricSurface | Iterable[ParametricSurface], *, 
     [2.0, 1.0, 3.0]
     """
     every = _in_space(surfaces)
-    base = _middle(every)
-    whole = _total([area(surface, rtol=rtol) for surface in every])
+    base, size = _box(every)
+    areas = [area(surface, rtol=rtol) for surface in every]
 
     def moment(surface: ParametricSurface, axis: int) -> Estimate:
         def integrand(u: Array, v: Array) -> Array:
-            normals = _crossed(surface, u, v)
-            return np.asarray(
-                (surface.derivative(u, v, (0, 0))[..., axis] - base[axis]) * np.linalg.norm(normals, axis=-1)
-            )
+            offset = surface.derivative(u, v, (0, 0))[..., axis] - base[axis]
+            return np.asarray((size + offset) * np.linalg.norm(_crossed(surface, u, v), axis=-1))
 
         return over_square(integrand, rtol)
 
-    return _divided(every, moment, whole, base)
+    return _divided(every, moment, _total(areas), base, [size * own for own in areas])
 
 
 def volume_centroid(surfaces: ParametricSurface | Iterable[ParametricSurface], *, rtol: float = 1e-10) -> Centroid:
@@ -97,17 +95,18 @@ def volume_centroid(surfaces: ParametricSurface | Iterable[ParametricSurface], *
     [2.0, 2.0, 2.0]
     """
     every = _in_space(surfaces)
-    base = _middle(every)
-    whole = volume(every, origin=base, rtol=rtol)
+    base, size = _box(every)
+    areas = [area(surface, rtol=rtol) for surface in every]
 
     def moment(surface: ParametricSurface, axis: int) -> Estimate:
         def integrand(u: Array, v: Array) -> Array:
-            offset = surface.derivative(u, v, (0, 0))[..., axis] - base[axis]
-            return np.asarray(offset**2 * _crossed(surface, u, v)[..., axis]) / 2
+            offset, normal = surface.derivative(u, v, (0, 0))[..., axis] - base[axis], _crossed(surface, u, v)
+            return np.asarray(size**2 * np.linalg.norm(normal, axis=-1) + offset**2 * normal[..., axis] / 2)
 
         return over_square(integrand, rtol)
 
-    return _divided(every, moment, whole, base)
+    whole = volume(every, origin=base, rtol=rtol)
+    return _divided(every, moment, whole, base, [size**2 * own for own in areas])
 
 
 def vector_area(surface: ParametricSurface, *, rtol: float = 1e-12) -> Array:
@@ -116,8 +115,15 @@ def vector_area(surface: ParametricSurface, *, rtol: float = 1e-12) -> Array:
     It depends on the boundary alone, so surfaces that overlap count once for a boundary that they have in common.
     """
     (only,) = _in_space(surface)
-    parts = [over_square(lambda u, v, k=axis: _crossed(only, u, v)[..., k], rtol) for axis in range(3)]  # type: ignore[misc]
-    return np.array([float(part) for part in parts])
+
+    def component(axis: int) -> float:
+        def integrand(u: Array, v: Array) -> Array:
+            normal = _crossed(only, u, v)
+            return np.asarray(np.linalg.norm(normal, axis=-1) + normal[..., axis])
+
+        return over_square(integrand, rtol)
+
+    return np.array([component(axis) for axis in range(3)]) - area(only, rtol=rtol)
 
 
 def _in_space(surfaces: ParametricSurface | Iterable[ParametricSurface]) -> list[ParametricSurface]:
@@ -130,10 +136,16 @@ def _in_space(surfaces: ParametricSurface | Iterable[ParametricSurface]) -> list
     return every
 
 
-def _middle(surfaces: list[ParametricSurface]) -> Array:
-    """A point among them: moments about it keep digits when they lie far from the origin."""
-    half = np.array(0.5)
-    return np.asarray(np.mean([surface.derivative(half, half, (0, 0)) for surface in surfaces], axis=0))
+def _box(surfaces: list[ParametricSurface]) -> tuple[Array, float]:
+    """The middle of a box of samples and the half of its diagonal: moments about it keep digits far from the origin.
+
+    Integrands of moments, and of normals, get the size added: they are small where a surface lies across an axis, and
+    no accuracy relative to what is all but 0 is wanted.
+    """
+    places = np.linspace(0.1, 0.9, 5)
+    points = [surface.derivative(places[:, None], places[None, :], (0, 0)).reshape(-1, 3) for surface in surfaces]
+    least, most = np.min([p.min(axis=0) for p in points], axis=0), np.max([p.max(axis=0) for p in points], axis=0)
+    return (least + most) / 2, float(np.linalg.norm(most - least)) / 2
 
 
 def _crossed(surface: ParametricSurface, u: Array, v: Array) -> Array:
@@ -149,10 +161,11 @@ def _divided(
     moment: Callable[[ParametricSurface, int], Estimate],
     whole: Estimate,
     base: Array,
+    added: list[float],
 ) -> Centroid:
     if not abs(whole) > whole.error:
         raise InputError(f"there is nothing to have a centre of gravity: its measure is {whole.value:g}")
     moments = [_total([moment(surface, axis) for surface in surfaces]) for axis in range(3)]
-    offset = np.array([float(part) for part in moments]) / whole.value
+    offset = np.array([math.fsum([part, *(-own for own in added)]) for part in moments]) / whole.value
     error = (math.hypot(*(part.error for part in moments)) + float(np.linalg.norm(offset)) * whole.error) / abs(whole)
     return Centroid(base + offset, float(error))

@@ -15,6 +15,8 @@ from gtcad import _tables as tables
 from gtcad._check_command import check
 from gtcad._command import Code, JsonOption, guarded, option, print_json, set_debug
 from gtcad._export_command import export
+from gtcad._optimize_command import optimize
+from gtcad._unroll_command import unroll
 
 app = typer.Typer(
     name="gtcad",
@@ -67,6 +69,8 @@ def top(
 
 app.command(short_help="Fit a model within a tolerance and write a CAD file.")(export)
 app.command(short_help="Prove what a CAD file holds against its model.")(check)
+app.command(short_help="Find the design variables that make an objective least.")(optimize)
+app.command(short_help="Lay the developable surfaces of a model flat.")(unroll)
 
 
 @app.command()

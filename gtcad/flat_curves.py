@@ -229,6 +229,8 @@ def inside(parameters: ArrayLike) -> Array:
         When they leave [0, 1] by more.
     """
     found = np.asarray(parameters, dtype=np.float64)
+    if found.ndim != 2 or found.shape[1] != 2:
+        raise InputError(f"the curve must return points of shape (t.size, 2), got {found.shape}")
     outside = ~((found >= -1e-12) & (found <= 1 + 1e-12)).all(axis=-1)
     if outside.any():
         raise InputError(f"the curve leaves the patch: (u, v) = {tuple(found[outside][0].tolist())} is outside [0, 1]")

@@ -11,6 +11,7 @@ J. Blank, K. Deb, pymoo: multi-objective optimization in Python, IEEE Access 8 (
 
 from __future__ import annotations
 
+import importlib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -181,20 +182,19 @@ class _Seen:
 
 def _evolve(seen: _Seen, population: int, generations: int, seed: int) -> None:
     try:
-        from pymoo.algorithms.moo.nsga2 import NSGA2
-        from pymoo.core.problem import Problem
-        from pymoo.optimize import minimize
+        algorithms, core, runner = map(
+            importlib.import_module, ("pymoo.algorithms.moo.nsga2", "pymoo.core.problem", "pymoo.optimize")
+        )
     except ImportError as error:
         raise ExtraMissing(f"fronts need pymoo ({error}): pip install 'gtcad[optimize]'") from error
 
-    class Looked(Problem):  # type: ignore[misc]
-        def _evaluate(self, x: Array, out: dict[str, Array], *_: object, **__: object) -> None:
-            out["F"], excess = seen.look(np.asarray(x, dtype=np.float64))
-            out["G"] = excess[:, None]
+    def evaluate(_: object, x: Array, out: dict[str, Array], *__: object, **___: object) -> None:
+        out["F"], excess = seen.look(np.asarray(x, dtype=np.float64))
+        out["G"] = excess[:, None]
 
-    problem = Looked(
-        n_var=seen.space.dimension, n_obj=seen.values.shape[1], n_ieq_constr=1, xl=LEAST, xu=MOST
-    )
+    looked = type("Looked", (core.Problem,), {"_evaluate": evaluate})
+    problem = looked(n_var=seen.space.dimension, n_obj=seen.values.shape[1], n_ieq_constr=1, xl=LEAST, xu=MOST)
     first = np.random.default_rng(seed).uniform(LEAST, MOST, (population, seen.space.dimension))
     first[0] = seen.space.start
-    minimize(problem, NSGA2(pop_size=population, sampling=first), ("n_gen", generations), seed=seed, verbose=False)
+    algorithm = algorithms.NSGA2(pop_size=population, sampling=first)
+    runner.minimize(problem, algorithm, ("n_gen", generations), seed=seed, verbose=False)

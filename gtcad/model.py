@@ -40,6 +40,7 @@ from gtcad._documents import Location, Problem, document_text, model_suffix, rea
 from gtcad._entries import TAG, ModelShape, ShapeEntry, Strict
 from gtcad._files import written_whole
 from gtcad._kinds import ENTRIES, MILLIMETRES, VERSION, ModelFile, entry_of
+from gtcad._markings import Marking, MarkingFields, marking_problems
 from gtcad._quilt_kinds import EdgeFields
 from gtcad.errors import InputError, ModelError, SingularJoin
 from gtcad.quilt import Quilt
@@ -62,6 +63,8 @@ class Model(Mapping[str, ModelShape]):
         The names that have a colour, and the colour as "#rrggbb".
     construction
         The names of shapes that only serve others: they are neither exported nor checked.
+    markings
+        Curves on shapes, for their flat patterns.
 
     Raises
     ------
@@ -80,11 +83,13 @@ class Model(Mapping[str, ModelShape]):
     unit: str = "mm"
     colors: Mapping[str, str] = field(default_factory=dict)
     construction: frozenset[str] = frozenset()
+    markings: tuple[Marking, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "shapes", MappingProxyType(dict(self.shapes)))
         object.__setattr__(self, "colors", MappingProxyType(dict(self.colors)))
         object.__setattr__(self, "construction", frozenset(self.construction))
+        object.__setattr__(self, "markings", tuple(self.markings))
         self.document()
 
     def __getitem__(self, name: str) -> ModelShape:
@@ -100,7 +105,7 @@ class Model(Mapping[str, ModelShape]):
         """Whether unit, colours and shapes are equal, in the same order."""
         if not isinstance(other, Model):
             return NotImplemented
-        mine, others = ((m.unit, m.colors, m.construction, list(m.items())) for m in (self, other))
+        mine, others = ((m.unit, m.colors, m.construction, m.markings, list(m.items())) for m in (self, other))
         return mine == others
 
     def __hash__(self) -> int:
@@ -128,11 +133,14 @@ class Model(Mapping[str, ModelShape]):
                 raise InputError(f"{argument} names a shape that the model does not have: {strangers[0]!r}")
         for _, message in _face_name_problems(self.shapes, self.construction):
             raise InputError(message)
+        for (_, index, part), message in marking_problems(self.markings, self.shapes):
+            raise InputError(f"markings[{index}].{part} {message}")
         entries = [
             entry_of(name, shape, self.colors.get(name), construction=name in self.construction)
             for name, shape in self.items()
         ]
-        data = {"gtcad": VERSION, "unit": self.unit, "shape": entries}
+        markings = {"marking": [marking.data() for marking in self.markings]} if self.markings else {}
+        data = {"gtcad": VERSION, "unit": self.unit, **markings, "shape": entries}
         try:
             ModelFile.model_validate(data)
         except ValidationError as error:
@@ -170,10 +178,13 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     construction = frozenset(entry.name for entry in content.shape if entry.construction)
     places = {entry.name: index for index, entry in enumerate(content.shape)}
     problems += [(("shape", places[name]), message) for name, message in _face_name_problems(shapes, construction)]
+    markings = tuple(fields.marking() for fields in content.marking)
+    if not problems:
+        problems += marking_problems(markings, shapes)
     if problems:
         raise ModelError(str(path), _lines(data, problems))
     colors = {entry.name: entry.color for entry in content.shape if entry.color is not None}
-    return Model(shapes, content.unit, colors, construction)
+    return Model(shapes, content.unit, colors, construction, markings)
 
 
 def _built(entries: Sequence[ShapeEntry], problems: list[Problem]) -> dict[str, ModelShape]:
@@ -246,7 +257,8 @@ def dump_model(
             raise InputError(f"unit must be that of the model, {model.unit}, got {unit!r}")
         unit, colors = model.unit, model.colors if colors is None else colors
     construction = model.construction if isinstance(model, Model) else frozenset()
-    document = Model(model, unit or "mm", colors or {}, construction).document()
+    markings = model.markings if isinstance(model, Model) else ()
+    document = Model(model, unit or "mm", colors or {}, construction, markings).document()
     with written_whole(path) as temporary:
         temporary.write_text(document_text(document, suffix), encoding="utf-8", newline="\n")
 
@@ -332,7 +344,7 @@ def _fields_at(data: Mapping[str, Any], location: Location) -> Sequence[str]:
     for key in location[:-1]:
         value = value[key]
         if isinstance(value, dict):
-            nested = EdgeFields if "edges" in location else CurveFields
+            nested = EdgeFields if "edges" in location else MarkingFields if "marking" in location else CurveFields
             entry = ENTRIES[value["kind"]] if value.get("kind") in ENTRIES else nested
     return list(entry.model_fields)
 

@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -38,7 +38,14 @@ from gtcad._extremal_space import ExtremalSpace
 from gtcad._integrands import CURVE, PATCH, STRIP, Integrand, regression_jets
 from gtcad.errors import GtcadError, InputError
 from gtcad.measure import Estimate
-from gtcad.patches.developable import Enveloping, GeodesicDevelopable, PlaneFamily, SpineDevelopable
+from gtcad.patches.developable import (
+    Developable,
+    Enveloping,
+    GeodesicDevelopable,
+    PlaneFamily,
+    QuasiDevelopable,
+    SpineDevelopable,
+)
 from gtcad.protocol import SeparableCurve, SeparableSurface
 
 Array = NDArray[np.float64]
@@ -49,7 +56,12 @@ _MOST_DOUBLINGS = 4
 _SETTLED = 1e-9  # relative: what doubling the nodes may change
 _ROUNDING = 1e-14
 _STEP = 1e-30
-_PREFIXES = ("dual", "spine", "geodesic")
+PREFIXES = ("dual", "spine", "geodesic")
+KNOWN: tuple[str, ...] = tuple(
+    dict.fromkeys((*CURVE, *PATCH, *STRIP, *(f"{prefix}-{name}" for prefix in PREFIXES for name in CURVE)))
+)
+"""The names of all objectives."""
+
 _STRAIGHT = 1e-9  # of the size: how far a ruling's middle may be from its ends' mean
 _FIRST, _SECOND = ((1, 0), (0, 1)), ((2, 0), (1, 1), (0, 2))
 
@@ -99,9 +111,14 @@ def objectives_of(shape: Any) -> tuple[str, ...]:
     return names + tuple(f"{prefix}-{name}" for prefix in _carriers(shape) for name in CURVE)
 
 
+def limited(shape: Any) -> bool:
+    """Whether some objectives are looked at without making the patch, which there may not be."""
+    return isinstance(shape, Developable) or (isinstance(shape, QuasiDevelopable) and shape.max_twist_deg is not None)
+
+
 def carrier_of(shape: Any, objective: str) -> str | None:
     """The field of a developable that an objective of its dual curve, spine or geodesic looks at; None for others."""
-    return _carriers(shape).get(objective.split("-")[0]) if isinstance(shape, SeparableSurface) else None
+    return _carriers(shape).get(objective.partition("-")[0]) if isinstance(shape, SeparableSurface) else None
 
 
 def _is_straight(shape: SeparableSurface) -> bool:
@@ -113,7 +130,7 @@ def _is_straight(shape: SeparableSurface) -> bool:
 
 
 def _carriers(shape: SeparableSurface) -> dict[str, str]:
-    """Of developables: the fields that hold the curves of each prefix; a family of planes has a dual and a spine curve."""
+    """Of developables: the field that holds the curve of each prefix; planes have a dual and a spine curve."""
     if isinstance(shape, GeodesicDevelopable):
         return {"geodesic": "curve"}
     field = "family" if isinstance(shape, Enveloping) else "spine" if isinstance(shape, SpineDevelopable) else None
@@ -133,9 +150,8 @@ def checked_objective(shape: Any, objective: str) -> str:
     fitting = objectives_of(shape)
     if objective in fitting:
         return objective
-    known = {*CURVE, *PATCH, *STRIP, *(f"{prefix}-{name}" for prefix in _PREFIXES for name in CURVE)}
     allowed = f"must be one of {', '.join(fitting)} for {type(shape).__name__}, got {objective!r}"
-    if objective in known:
+    if objective in KNOWN:
         raise InputError(f"objective {allowed}: that one does not fit the kind of the shape")
     raise InputError(f"objective {allowed}")
 
@@ -185,9 +201,7 @@ def _fixed(subject: _Subject, objective: str, factor: int) -> float:
     return float(np.real(_integrated(sample(subject.space.shape)[None], weights, integrand)[0]))
 
 
-def values_of(
-    shape: Any, objective: str, designs: ArrayLike, *, variables: str | Sequence[str] | None = None
-) -> Array:
+def values_of(shape: Any, objective: str, designs: ArrayLike, *, variables: str | Sequence[str] | None = None) -> Array:
     """The values of an objective for many designs of one shape.
 
     Parameters
@@ -308,6 +322,8 @@ def _subject(space: DesignSpace, objective: str) -> _Subject:
         columns = tuple(k for k, (pair, _) in enumerate(space.singles) if pair == field)
         own = DesignSpace(carrier, tuple(("gamma", space.singles[k][1]) for k in columns))
         return _Subject(own, columns, "curve", isinstance(carrier, PlaneFamily) and name.startswith("spine-"))
+    if isinstance(space.shape, QuasiDevelopable) and space.shape.max_twist_deg is not None:
+        space = DesignSpace(replace(space.shape, max_twist_deg=None), space.singles)
     if isinstance(space.shape, SeparableSurface):
         return _Subject(space, columns, "patch" if name in PATCH else "strip")
     return _Subject(space, columns, "curve", name.startswith("spine-"))
@@ -324,7 +340,7 @@ def _rule(subject: _Subject, objective: str, factor: int) -> tuple[Sampler, Arra
     if subject.kind == "strip":
         return _strip_sampler(t), weights, STRIP[objective]
     prefix, _, rest = objective.partition("-")
-    integrand = CURVE[rest if prefix in _PREFIXES else objective]
+    integrand = CURVE[rest if prefix in PREFIXES else objective]
     if not subject.regression:
         return _curve_sampler(t, range(1, integrand.highest + 1)), weights, integrand
 

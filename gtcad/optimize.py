@@ -7,7 +7,7 @@ check, and ``gtcad.fronts`` for several objectives at once.
 
 References
 ----------
-M. Ammad, M. Y. Misro, M. Bibi, A. Ramli, arXiv:2601.11677: Dirichlet extremals of GT-Bezier surfaces by particle swarms.
+M. Ammad, M. Y. Misro, M. Bibi, A. Ramli, arXiv:2601.11677: Dirichlet extremals by particle swarms.
 """
 
 from __future__ import annotations
@@ -29,8 +29,7 @@ from gtcad._swarm import Neighbourhood, SwarmSettings, swarm
 from gtcad.basis import Gamma, is_whole
 from gtcad.errors import GtcadError, InputError, NoFeasibleDesign
 from gtcad.measure import Estimate
-from gtcad.objectives import carrier_of, checked_objective, evaluator, measured
-from gtcad.patches.developable import Developable
+from gtcad.objectives import carrier_of, checked_objective, evaluator, limited, measured
 
 Array = NDArray[np.float64]
 Method = Literal["pso", "polish", "de"]
@@ -220,9 +219,7 @@ def optimize(
     return run.optimum(on_step, keep_interrupted)
 
 
-def _space(
-    shape: Any, objective: Objective, variables: str | Sequence[str] | None, extremal: Extremal
-) -> DesignSpace:
+def _space(shape: Any, objective: Objective, variables: str | Sequence[str] | None, extremal: Extremal) -> DesignSpace:
     space = DesignSpace.of(shape, variables)
     energy = extremal_kind(shape, extremal)
     if not isinstance(objective, str):
@@ -252,8 +249,7 @@ class _Limits:
     @property
     def needed(self) -> bool:
         """Whether there is anything to keep to."""
-        by_carrier = isinstance(self.objective, str) and carrier_of(self.space.shape, self.objective) is not None
-        return bool(self.constraints) or (by_carrier and isinstance(self.space.shape, Developable))
+        return bool(self.constraints) or (isinstance(self.objective, str) and limited(self.space.shape))
 
     def excess(self, design: Array) -> float:
         """The sum of what is beyond the limits; infinite when there is no such shape."""

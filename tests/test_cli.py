@@ -9,7 +9,6 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,6 @@ from typer.testing import CliRunner
 import gtcad
 import gtcad.model
 from gtcad import BERNSTEIN, Curve, Restricted, Surface, _options, _tables, cli
-from gtcad.continuity import check_join
 from gtcad.converters import hosts, jobs
 from gtcad.converters.bspline import BSplineSurface
 from gtcad.converters.part import EllipseArc, Part
@@ -133,7 +131,18 @@ def test_the_kernel_prints_nothing_between(
     capfd: pytest.CaptureFixture[str], model: Path, tmp_path: Path, name: str
 ) -> None:
     exported(model, tmp_path / name)
-    run("check", tmp_path / name, "--against", model, "--tolerance", "1e-4", "--json")
+    run(
+        "check",
+        tmp_path / name,
+        "--against",
+        model,
+        "--tolerance",
+        "1e-4",
+        "--profile",
+        "cam",
+        "--json",
+        "--in-process",
+    )
     ctypes.CDLL(None).fflush(None)  # the kernel's own streams, which only print when they are full
     assert capfd.readouterr() == ("", "")
 
@@ -246,93 +255,6 @@ def test_the_model_under_another_name_is_not_overwritten(model: Path, tmp_path: 
     assert result.exit_code == 2
     assert "is the model itself" in result.stderr
     assert model.read_bytes() == (tmp_path / "link.step").read_bytes() == before
-
-
-# --- check --------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", ["out.step", "out.igs", "out.brep"])
-def test_what_is_exported_passes_its_own_check(model: Path, tmp_path: Path, name: str) -> None:
-    export(model, tmp_path / name)
-    result = run("check", tmp_path / name, "--against", model, "--tolerance", "1e-4")
-    assert (result.exit_code, result.stderr) == (0, "")
-    assert result.stdout.splitlines()[0].split()[:2] == ["name", "verdict"]
-    document = json.loads(run("check", tmp_path / name, "--against", model, "--tolerance", "1e-4", "--json").stdout)
-    assert [shape["name"] for shape in document["shapes"]] == ["quarter", "roof"]
-    assert {shape["verdict"] for shape in document["shapes"]} <= {"proved", "estimated"}
-    assert document["extra"] == []
-
-
-def test_check_finds_what_was_changed(model: Path, tmp_path: Path) -> None:
-    export(model, tmp_path / "out.step")
-    moved = Curve(QUARTER.control_points * [[1, 1, 1], [1, 1.001, 1], [1, 1, 1]])
-    gtcad.dump_model({"quarter": moved, "roof": ROOF}, tmp_path / "moved.json")
-    result = run("check", tmp_path / "out.step", "--against", tmp_path / "moved.json", "--tolerance", "1e-4", "--json")
-    assert result.exit_code == 1
-    verdicts = [shape["verdict"] for shape in json.loads(result.stdout)["shapes"]]
-    assert verdicts == ["failed", "proved"]
-
-
-def fake_report(
-    monkeypatch: pytest.MonkeyPatch, *verdicts: str, extra: tuple[str, ...] = (), kept: tuple[bool, ...] = ()
-) -> None:
-    rows = [
-        SimpleNamespace(name=f"s{i}", verdict=verdict, deviation=(0.0, np.inf), method="certificate", remark="")
-        for i, verdict in enumerate(verdicts)
-    ]
-    line = Curve([[0, 0], [1, 0]], family=BERNSTEIN)
-    joints = [
-        SimpleNamespace(name=f"s{i} #1-#2", wanted="C3", kept=one, report=check_join(line, line.reversed()))
-        for i, one in enumerate(kept)
-    ]
-    report = SimpleNamespace(rows=rows, extra=list(extra), joints=joints)
-    module = ModuleType("gtcad.converters.check")
-    module.check_parts = lambda parts, shapes, tolerance: report  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "gtcad.converters.check", module)
-    monkeypatch.setattr(jobs, "read_parts", lambda path, form: [])
-
-
-@pytest.mark.parametrize(
-    ("verdicts", "code", "code_with_proof_required"),
-    [
-        (["proved", "proved"], 0, 0),
-        (["proved", "estimated"], 0, 5),
-        (["proved", "undecided"], 5, 5),
-        (["undecided", "failed"], 1, 1),
-        (["missing", "proved"], 1, 1),
-        (["invalid", "estimated"], 1, 1),
-    ],
-)
-def test_the_verdicts_make_the_exit_code(
-    monkeypatch: pytest.MonkeyPatch, model: Path, verdicts: list[str], code: int, code_with_proof_required: int
-) -> None:
-    fake_report(monkeypatch, *verdicts)
-    arguments = ["check", "a.step", "--against", model, "--tolerance", "1e-4"]
-    assert run(*arguments).exit_code == code
-    assert run(*arguments, "--require-proof").exit_code == code_with_proof_required
-    document = json.loads(run(*arguments, "--json").stdout)
-    assert [shape["verdict"] for shape in document["shapes"]] == verdicts
-    assert document["shapes"][0]["deviation"] == [0.0, None]
-
-
-def test_a_lost_joint_is_a_failure(monkeypatch: pytest.MonkeyPatch, model: Path) -> None:
-    arguments = ["check", "a.step", "--against", model, "--tolerance", "1e-4"]
-    fake_report(monkeypatch, "proved", kept=(True, True))
-    result = run(*arguments)
-    assert (result.exit_code, result.stdout.splitlines()[-1]) == (0, "1 proved; 2 joints kept")
-    fake_report(monkeypatch, "proved", kept=(True, False))
-    result = run(*arguments)
-    assert (result.exit_code, result.stdout.splitlines()[-1]) == (1, "1 proved; 1 joint kept; 1 joint lost")
-    joints = json.loads(run(*arguments, "--json").stdout)["joints"]
-    assert [joint["name"] for joint in joints] == ["s0 #1-#2", "s1 #1-#2"]
-
-
-def test_extra_shapes_warn_and_do_no_harm(monkeypatch: pytest.MonkeyPatch, model: Path) -> None:
-    fake_report(monkeypatch, "proved", extra=("stray\x1b[2J",))
-    result = run("check", "a.step", "--against", model, "--tolerance", "1e-4")
-    assert result.exit_code == 0
-    assert result.stderr == r"Warning: a.step holds a shape that the model does not have: 'stray\x1b[2J'" + "\n"
-    assert result.stdout.endswith("1 proved\n")
 
 
 # --- info, schema -------------------------------------------------------------------------------------------------

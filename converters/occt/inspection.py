@@ -118,7 +118,7 @@ class FaceFacts:
     kind, spline
         Of its surface, as of an edge's curve.
     complaints
-        What BRepCheck finds wrong, such as "edge InvalidCurveOnSurface"; OCCT 8.0 says only of what kind of shape.
+        What BRepCheck finds wrong, such as "edge InvalidCurveOnSurface"; of edges OCCT 8.0 says no more than "edge".
     crossing
         Points at which boundaries cross themselves, as BRepCheck finds them; NaN where it gives no place.
     body
@@ -209,7 +209,7 @@ def _body(shape: Any) -> BodyFacts:
     complaints: list[str] = []
     if not analyzer.IsValid():
         whole = [*subshapes(shape, "SOLID"), *subshapes(shape, "SHELL")]
-        complaints = check_complaints(analyzer, whole)
+        complaints = _spelled(check_complaints(analyzer, whole), _faults_of_shells(shape))
     return BodyFacts(kind, edge_uses(shape).closed, tuple(complaints))
 
 
@@ -220,7 +220,7 @@ def _face(face: Any, name: str, body: int, perimeter: float) -> FaceFacts:
     complaints: list[str] = []
     if not analyzer.IsValid():
         parts = [face, *(part for kind in ("WIRE", "EDGE", "VERTEX") for part in subshapes(face, kind))]
-        complaints = check_complaints(analyzer, parts)
+        complaints = _spelled(check_complaints(analyzer, parts), _faults(face))
     surface = _BRepAdaptor.BRepAdaptor_Surface(face)
     bounds = surface.FirstUParameter(), surface.LastUParameter(), surface.FirstVParameter(), surface.LastVParameter()
     middle = surface.Value((bounds[0] + bounds[1]) / 2, (bounds[2] + bounds[3]) / 2)
@@ -237,6 +237,42 @@ def _face(face: Any, name: str, body: int, perimeter: float) -> FaceFacts:
         body,
         face,
     )
+
+
+def _spelled(complaints: Sequence[str], faults: Sequence[str]) -> list[str]:
+    """Complaints and single faults, without the bare kind of a shape where a fault says more."""
+    bare = {fault.partition(" ")[0] for fault in faults}
+    return list(dict.fromkeys([*(text for text in complaints if text not in bare), *faults]))
+
+
+def _faults(face: Any) -> list[str]:
+    """What BRepCheck's single tests of a face and its wires find, which both versions of OCCT can tell."""
+    check = _BRepCheck.BRepCheck_Face(face)
+    found = [("face", status) for status in (check.IntersectWires(False), check.ClassifyWires(False))]
+    for wire in subshapes(face, "WIRE"):
+        check = _BRepCheck.BRepCheck_Wire(_TopoDS.TopoDS.Wire(wire))
+        statuses = check.Closed(False), check.Closed2d(face, False), check.Orientation(face, False)
+        found += [("wire", status) for status in statuses]
+    return _named(found)
+
+
+def _faults_of_shells(shape: Any) -> list[str]:
+    found = []
+    for shell in subshapes(shape, "SHELL"):
+        check = _BRepCheck.BRepCheck_Shell(_TopoDS.TopoDS.Shell(shell))
+        statuses = [check.Orientation(False)]
+        if shape.ShapeType() == _TopAbs.TopAbs_SOLID:
+            statuses.append(check.Closed(False))
+        found += [("shell", status) for status in statuses]
+    return _named(found)
+
+
+def _named(found: Sequence[tuple[str, Any]]) -> list[str]:
+    return [
+        f"{kind} {str(status).rsplit('_', 1)[-1].partition(':')[0]}"
+        for kind, status in found
+        if status != _BRepCheck.BRepCheck_NoError
+    ]
 
 
 def _plain(convert: Any, geometry: Any) -> Any:

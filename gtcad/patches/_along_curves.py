@@ -105,12 +105,12 @@ class SpineDevelopable(Developable):
     def _normals(self, t: Array) -> Array:
         if isinstance(self.spine, PlaneFamily):
             return self.spine.normal(t)
-        return _bends(self.spine, t).unit().terms[0]
+        return _bends(self.spine, t).unit().values
 
     def _directions(self, t: Array) -> Array:
         along = self._edges[0].along
         assert along is not None
-        return along.taylor(t, 1).terms[0]
+        return along.taylor(t, 1).values
 
     def transformed(self, matrix: ArrayLike, translation: ArrayLike | None = None) -> SpineDevelopable:
         """The affine image: points x become ``matrix @ x + translation``; of a similarity it has no placement."""
@@ -152,9 +152,7 @@ class GeodesicDevelopable(Developable):
     distances: Distances
     placement: Rows | None = None
 
-    def __init__(
-        self, curve: SeparableCurve, distances: Sequence[float], placement: ArrayLike | None = None
-    ) -> None:
+    def __init__(self, curve: SeparableCurve, distances: Sequence[float], placement: ArrayLike | None = None) -> None:
         checked_curves(curve=curve)
         object.__setattr__(self, "curve", in_space(curve))
         object.__setattr__(self, "distances", _checked_distances(distances))
@@ -172,12 +170,12 @@ class GeodesicDevelopable(Developable):
 
     def _normals(self, t: Array) -> Array:
         first = Taylor.at(t, 1)(self.curve, 1)
-        return _bends(self.curve, t).cross(first).unit().terms[0]
+        return _bends(self.curve, t).cross(first).unit().values
 
     def _directions(self, t: Array) -> Array:
         along = self._edges[0].along
         assert along is not None
-        return along.taylor(t, 1).terms[0]
+        return along.taylor(t, 1).values
 
     def transformed(self, matrix: ArrayLike, translation: ArrayLike | None = None) -> GeodesicDevelopable:
         """The affine image: points x become ``matrix @ x + translation``; of a similarity it has no placement."""
@@ -226,7 +224,7 @@ def _refuse_straight(curve: SeparableCurve, name: str) -> None:
     t = np.linspace(0, 1, 129)
     first, second = (float(np.linalg.norm(curve.derivative(t, order), axis=1).max()) for order in (1, 2))
     refuse_zero(f"the speed of the {name} vanishes", curve.derivative, max(first, 1e-300))
-    refuse_zero(f"the curvature of the {name} vanishes", lambda t: _bends(curve, t).terms[0], max(first * second, 1e-300))
+    refuse_zero(f"the curvature of the {name} vanishes", lambda t: _bends(curve, t).values, max(first * second, 1e-300))
 
 
 def _refuse_still(family: PlaneFamily) -> None:
@@ -236,7 +234,7 @@ def _refuse_still(family: PlaneFamily) -> None:
     refuse_zero("a plane of the family has no normal", planes.normals.evaluate, n)
     refuse_zero(
         "a plane of the family does not turn",
-        lambda t: planes.rulings(Taylor.at(t, 1)).terms[0],
+        lambda t: planes.rulings(Taylor.at(t, 1)).values,
         max(n * slope, 1e-300),
     )
     refuse_zero(

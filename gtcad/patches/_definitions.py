@@ -62,7 +62,7 @@ class Definition(abc.ABC):
         Unresolved
             When there is none of degree 190 within rounding.
         """
-        found = resolved(lambda count: (transform(count) @ self.taylor((nodes(count) + 1) / 2, 1).terms[0]).T)
+        found = resolved(lambda count: (transform(count) @ self.taylor((nodes(count) + 1) / 2, 1).values).T)
         if found is None or found[1].shape[1] > MAX_COUNT:
             raise _unresolved("its polynomials do not come within rounding")
         scale = 2.0 ** math.ceil(math.log2(max(float(np.abs(found[1]).max()), 1e-300)))  # a power of two: exact

@@ -167,7 +167,8 @@ def _angles(rulings: _Rulings) -> Array:
     """Between the normals at both ends, 0 where one has none."""
     first, second = rulings.normals
     sine = np.linalg.norm(np.cross(first, second), axis=1)
-    return np.asarray(np.arctan2(sine, np.einsum("td,td->t", first, second))) * (sine > 0)
+    angle = np.arctan2(sine, np.einsum("td,td->t", first, second))
+    return np.asarray(np.where(sine > 0, angle, 0.0))
 
 
 def _beyond(rulings: _Rulings) -> Array:
@@ -179,7 +180,7 @@ def _beyond(rulings: _Rulings) -> Array:
     far = square <= (_PARALLEL * sizes) ** 2
     place = np.einsum("td,td->t", first, gap) / np.where(far, 1.0, square)
     outside = np.maximum(-place, place - 1) * rulings.length
-    return np.where(far, np.inf, outside)
+    return np.asarray(np.where(far, np.inf, outside))
 
 
 def _singular(source: _Source) -> list[float]:

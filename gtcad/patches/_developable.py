@@ -1,4 +1,4 @@
-"""What all developable patches have in common: tangent planes, rulings, edge of regression, what makes them singular."""
+"""What all developable patches have in common: tangent planes, rulings, edge of regression, singular places."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gtcad.errors import SingularDevelopable
 from gtcad.factors import CurveOfTerms, SurfaceOfTerms
 from gtcad.patches._definitions import Edge
 from gtcad.patches._patch import LINEAR, Patch, Rows, placed
-from gtcad.patches._singular import first_zero
+from gtcad.patches._singular import VANISHES, first_zero
 
 Array = NDArray[np.float64]
 
@@ -41,9 +41,9 @@ class Ruling:
 class Developable(Patch):
     """A patch ``S(u, v) = (1 - v) a(u) + v b(u)`` with one tangent plane along each ruling v -> S(u, v).
 
-    Made by ``PlaneFamily.enveloping``, ``spine_developable`` and ``geodesic_developable``. Its boundaries have formulas,
-    but are no finite sums of factors: the patch that is evaluated, fitted and proved has polynomials in their place,
-    and ``definition_error`` is a proved bound of its distance from the patch by definition.
+    Made by ``PlaneFamily.enveloping``, ``spine_developable`` and ``geodesic_developable``. Its boundaries have
+    formulas, but are no finite sums of factors: the patch that is evaluated, fitted and proved has polynomials in their
+    place, and ``definition_error`` is a proved bound of its distance from the patch by definition.
     """
 
     placement: Rows | None
@@ -129,7 +129,7 @@ class Developable(Patch):
     def _side(self) -> float:
         """1 where the normals are on the side of S_u x S_v, -1 where they are not."""
         middle = np.array([0.5])
-        (a, slope), b = self._edges[0].taylor(middle, 2).terms, self._edges[1].taylor(middle, 1).terms[0]
+        (a, slope), b = self._edges[0].taylor(middle, 2).terms, self._edges[1].taylor(middle, 1).values
         return float(np.sign(np.cross(slope, b - a)[0] @ self._normals(middle)[0]))
 
     def ruling(self, t: ArrayLike) -> Ruling:
@@ -184,11 +184,15 @@ class Developable(Patch):
         if first[0] * second[0] < 0:
             crossings.append(0.0)
         if crossings:
-            raise SingularDevelopable("the edge of regression meets the patch", min(crossings))
+            place = min(crossings)
+            first, second = self._stretches(np.array([place]))
+            along = max(abs(float(first[0])), abs(float(second[0]))) <= VANISHES * scale
+            reason = "a ruling has no tangent plane" if along else "the edge of regression meets the patch"
+            raise SingularDevelopable(reason, place)
 
     def _gap(self, t: Array) -> Array:
         """From a to b along the ruling, signed."""
-        a, b = (edge.taylor(t, 1).terms[0] for edge in self._edges)
+        a, b = (edge.taylor(t, 1).values for edge in self._edges)
         return np.asarray(np.einsum("td,td->t", b - a, self._directions(t)))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -98,7 +98,7 @@ class Enveloping(Developable):
         return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
 
     def _directions(self, t: Array) -> Array:
-        return self._planes.rulings(Taylor.at(t, 1)).unit().terms[0]
+        return self._planes.rulings(Taylor.at(t, 1)).unit().values
 
     def _refuse_vanishing(self) -> None:
         """Refuse planes that stand still, and rulings parallel to a bounding plane."""
@@ -110,10 +110,13 @@ class Enveloping(Developable):
             if not isinstance(bound, SeparableCurve):
                 size = float(np.linalg.norm(bound[:3]))
                 reason = f"a ruling is parallel to the plane {name}"
-                refuse_zero(reason, lambda t, m=np.array(bound[:3]): self._directions(t) @ m, size)  # type: ignore[misc]
+                refuse_zero(reason, partial(self._along, np.array(bound[:3])), size)
+
+    def _along(self, normal: Array, t: Array) -> Array:
+        return np.asarray(self._directions(t) @ normal)
 
     def _rulings(self, t: Array) -> Array:
-        return self._planes.rulings(Taylor.at(t, 1)).terms[0]
+        return self._planes.rulings(Taylor.at(t, 1)).values
 
     @cached_property
     def bound_gaps(self) -> tuple[float, float]:
@@ -127,7 +130,7 @@ class Enveloping(Developable):
             curve = bound if self.part == (0.0, 1.0) else Restricted(bound, self.part)
 
             def apart(t: Array, cut: Cut = cut, curve: SeparableCurve = curve) -> Array:
-                return np.asarray(np.linalg.norm(cut.taylor(t, 1).terms[0] - curve.evaluate(t), axis=1))
+                return np.asarray(np.linalg.norm(cut.taylor(t, 1).values - curve.evaluate(t), axis=1))
 
             gaps.append(highest(apart)[1])
         return gaps[0], gaps[1]
@@ -136,13 +139,13 @@ class Enveloping(Developable):
         """The affine image: points x become ``matrix @ x + translation``; of a similarity it has no placement."""
         if self.placement is not None or not handedness(matrix):
             return replace(self, placement=followed(self.placement, matrix, translation))
-        bounds = (
+        a, b = (
             bound.transformed(matrix, translation)
             if isinstance(bound, SeparableCurve)
             else moved_planes(np.array(bound), matrix, translation)
             for bound in (self.bound_a, self.bound_b)
         )
-        return Enveloping(self.family.transformed(matrix, translation), *bounds, self.part)
+        return Enveloping(self.family.transformed(matrix, translation), a, b, self.part)
 
 
 def _checked_bound(name: str, bound: ArrayLike | SeparableCurve) -> Bound:

@@ -10,6 +10,7 @@ polynomials of them: with nine constant matrices in hand, thousands of pairs cos
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -29,15 +30,18 @@ Orders = tuple[int, int]
 Form = tuple[tuple[float, Orders, Orders], ...]
 Energy = Literal["dirichlet", "quasi-harmonic", "bending"]
 
+SQUARES: dict[str, tuple[tuple[float, tuple[Orders, ...]], ...]] = {
+    "dirichlet": ((0.5, ((1, 0),)), (0.5, ((0, 1),))),
+    "quasi-harmonic": ((1.0, ((2, 0), (0, 2))),),
+    "bending": ((1.0, ((2, 0),)), (2.0, ((1, 1),)), (1.0, ((0, 2),))),
+}
+"""The energies as integrals of weighted squares of sums of partial derivatives."""
+
 FORMS: dict[str, Form] = {
-    "dirichlet": ((0.5, (1, 1), (0, 0)), (0.5, (0, 0), (1, 1))),
-    "quasi-harmonic": (
-        (1.0, (2, 2), (0, 0)),
-        (1.0, (2, 0), (0, 2)),
-        (1.0, (0, 2), (2, 0)),
-        (1.0, (0, 0), (2, 2)),
-    ),
-    "bending": ((1.0, (2, 2), (0, 0)), (2.0, (1, 1), (1, 1)), (1.0, (0, 0), (2, 2))),
+    name: tuple(
+        (weight, (a, c), (b, d)) for weight, orders in squares for (a, b), (c, d) in itertools.product(orders, repeat=2)
+    )
+    for name, squares in SQUARES.items()
 }
 """Weight, orders of both factors in u, orders of both in v, of every term of an energy."""
 

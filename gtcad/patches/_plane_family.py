@@ -128,8 +128,8 @@ class PlaneFamily:
         t = checked_parameters("t", t)
         at, planes = Taylor.at(t.reshape(-1), 1), self.planes()
         with np.errstate(divide="ignore", invalid="ignore"):
-            points = Cut(0.0, planes, constant(np.zeros(3))).taylor(t.reshape(-1), 1).terms[0]
-            directions = planes.rulings(at).unit().terms[0]
+            points = Cut(0.0, planes, constant(np.zeros(3))).taylor(t.reshape(-1), 1).values
+            directions = planes.rulings(at).unit().values
         return Ruling(points.reshape(*t.shape, 3), directions.reshape(*t.shape, 3))
 
     def edge_of_regression(self, t: ArrayLike) -> Array:
@@ -146,7 +146,7 @@ class PlaneFamily:
         flat = t.reshape(-1)
         cut = Cut(0.0, self.planes(), None)
         with np.errstate(divide="ignore", invalid="ignore"):
-            points = cut.taylor(flat, 1).terms[0]
+            points = cut.taylor(flat, 1).values
         sizes = [np.linalg.norm(self.derivative(flat, order)[:, :3], axis=1) for order in range(3)]
         points[np.abs(cut.determinant(flat)) <= _ROUNDING * np.prod(sizes, axis=0)] = np.nan
         return points.reshape(*t.shape, 3)
@@ -270,6 +270,8 @@ def checked_plane(name: str, value: ArrayLike) -> tuple[float, float, float, flo
     except (TypeError, ValueError):
         plane = np.empty(0)
     if plane.shape != (4,) or not np.isfinite(plane).all() or not plane[:3].any():
-        raise InputError(f"{name} must be a plane (a, b, c, d), its normal (a, b, c) not zero, or a curve, got {value!r}")
+        raise InputError(
+            f"{name} must be a plane (a, b, c, d), its normal (a, b, c) not zero, or a curve, got {value!r}"
+        )
     a, b, c, d = (plane + 0.0).tolist()
     return a, b, c, d

@@ -160,7 +160,7 @@ def contour_of(curves: Contour) -> Coons:
     return Coons(*curves)
 
 
-def sides_of(patch: Coons) -> tuple[SeparableCurve, ...]:
+def sides_of(patch: Coons) -> tuple[SeparableCurve, SeparableCurve, SeparableCurve, SeparableCurve]:
     return patch.c0, patch.c1, patch.d0, patch.d1
 
 

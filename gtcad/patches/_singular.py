@@ -12,7 +12,7 @@ Function = Callable[[Array], Array]
 
 _SAMPLES = 1025
 _STEP = 1 / (_SAMPLES - 1)
-_VANISHES = 1e-9  # of the scale
+VANISHES = 1e-9  # of the scale
 _WORTH_A_LOOK = 0.05  # of the scale: a sample below may be next to a zero
 _ROUNDS = 14
 
@@ -37,14 +37,14 @@ def zeros(function: Function, scale: float) -> list[float]:
         found += [_bracketed(function, float(t[k]), float(t[k + 1])) for k in changes]
     for place in _dips(t, _sizes(values), _WORTH_A_LOOK * scale):
         nearest, least = _lowest(function, *place)
-        if least <= _VANISHES * scale and not any(abs(nearest - other) <= 2 * _STEP for other in found):
+        if least <= VANISHES * scale and not any(abs(nearest - other) <= 2 * _STEP for other in found):
             found.append(nearest)
     return sorted(found)
 
 
 def first_zero(function: Function, scale: float) -> float | None:
     """The least of the ``zeros``, None where there is none."""
-    return min(zeros(function, scale), default=None)
+    return next(iter(zeros(function, scale)), None)
 
 
 def _sizes(values: Array) -> Array:
@@ -55,7 +55,7 @@ def _dips(t: Array, sizes: Array, level: float) -> list[tuple[float, float]]:
     """Intervals about the least samples that are below the level."""
     padded = np.pad(sizes, 1, constant_values=np.inf)
     low = (padded[1:-1] <= padded[:-2]) & (padded[1:-1] <= padded[2:]) & (sizes <= level)
-    return [(float(t[max(k - 1, 0)]), float(t[min(k + 1, t.size - 1)])) for k in np.flatnonzero(low)]
+    return [(float(t[max(k - 1, 0)]), float(t[min(k + 1, t.size - 1)])) for k in np.flatnonzero(low).tolist()]
 
 
 def _lowest(function: Function, low: float, high: float) -> tuple[float, float]:

@@ -70,6 +70,11 @@ class Taylor:
 
         return derivative
 
+    @property
+    def values(self) -> Array:
+        """The functions themselves, shape (places, d)."""
+        return np.asarray(self.terms[0])
+
     def derivative(self, order: int = 0) -> Array:
         """Derivatives of the order, shape (places, d)."""
         return np.asarray(self.terms[order] * math.factorial(order))

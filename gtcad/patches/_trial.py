@@ -149,7 +149,7 @@ class Trial:
             weighted = self.u.weights[:, None, None] * self.v.weights[:, None]
             force = weighted * self.derivative_of_base((a_base, b_base))
             right -= weight * tensor(self.u.values[a].T, self.v.values[b].T, force)
-        return np.linalg.solve(matrix, right.reshape(unknowns, -1)).reshape(self.shape)
+        return np.asarray(np.linalg.solve(matrix, right.reshape(unknowns, -1)), dtype=np.float64).reshape(self.shape)
 
     def least_residual(self) -> Array:
         """The y of least ``int |S_uu + S_vv|^2`` as least squares, for functions that are free on some sides too."""
@@ -158,7 +158,7 @@ class Trial:
         (u, _, u_second), (v, _, v_second) = self.u.values, self.v.values
         design = weights * (np.kron(u_second, v) + np.kron(u, v_second))
         right = -weights * laplacian.reshape(-1, self.base.dimension)
-        return np.linalg.lstsq(design, right, rcond=None)[0].reshape(self.shape)
+        return np.asarray(np.linalg.lstsq(design, right, rcond=None)[0], dtype=np.float64).reshape(self.shape)
 
 
 def tensor(left: Array, right: Array, points: Array) -> Array:

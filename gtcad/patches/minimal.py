@@ -36,7 +36,7 @@ from gtcad.basis import GT, Basis, Family
 from gtcad.chebyshev import UNIT_ROUNDOFF
 from gtcad.errors import InputError
 from gtcad.measure import Estimate
-from gtcad.patches._forms import INNER, Energy, checked_energy, rule
+from gtcad.patches._forms import INNER, SQUARES, Energy, checked_energy, rule
 from gtcad.patches._many import ExtremalEnergies, dirichlet_energies
 from gtcad.patches._plateau import (
     Contour,
@@ -318,20 +318,19 @@ def energy(surface: SeparableSurface, functional: Energy = "dirichlet") -> Estim
     >>> round(energy(saddle, "bending"), 12), round(energy(saddle, "quasi-harmonic"), 12)
     (2.0, 0.0)
     """
-    form = checked_energy(functional)
+    checked_energy(functional)
     (u, weights_u), (v, weights_v) = rule(surface.factors_u), rule(surface.factors_v)
     weights = np.outer(weights_u, weights_v)
     reach = _ROUNDING * float(np.abs(surface.coefficients).max(initial=0.0))
     value = error = 0.0
-    for weight, (a, a_other), (b, b_other) in form:
-        orders = (a, b), (a_other, b_other)
-        parts = [surface.derivative(u[:, None], v[None, :], one) for one in orders]
-        lost = [
-            reach * surface.factors_u.derivative_bound(k) * surface.factors_v.derivative_bound(m) for k, m in orders
-        ]
-        size = [math.sqrt(float(np.einsum("uvd,uvd,uv", part, part, weights))) for part in parts]
-        value += weight * float(np.einsum("uvd,uvd,uv", *parts, weights))
-        error += weight * ((size[0] + lost[0]) * (size[1] + lost[1]) * (1 + _ROUNDING) - size[0] * size[1])
+    for weight, orders in SQUARES[functional]:
+        part = sum(surface.derivative(u[:, None], v[None, :], one) for one in orders)
+        square = float(np.einsum("uvd,uvd,uv", part, part, weights))
+        lost = reach * sum(
+            surface.factors_u.derivative_bound(k) * surface.factors_v.derivative_bound(m) for k, m in orders
+        )
+        value += weight * square
+        error += weight * (2 * lost * math.sqrt(square) + lost**2 + _ROUNDING * square)
     return Estimate(value, error)
 
 
@@ -350,5 +349,5 @@ def harmonic_residual(surface: SeparableSurface) -> Estimate:
     True
     """
     square = energy(surface, "quasi-harmonic")
-    root = math.sqrt(max(square.value, 0.0))
+    root = math.sqrt(square.value)
     return Estimate(root, min(square.error / root if root else math.inf, math.sqrt(square.error)))

@@ -156,8 +156,8 @@ def _cardinal(patch: TBCoons, point: ControlPoint, direction: str, t: Array, ord
     name, index = point
     curve: Curve = getattr(patch, name)
     if (name[0] == "c") == (direction == "u"):
-        return curve.factors.rows(t, order)[index]
-    return LINEAR.rows(t, order)[int(name[1])]
+        return np.asarray(curve.factors.rows(t, order)[index])
+    return np.asarray(LINEAR.rows(t, order)[int(name[1])])
 
 
 def _with_points(curve: Curve, points: Array) -> Curve:

@@ -208,8 +208,17 @@ def test_gt_patches_are_fitted_to_faces() -> None:
     assert isinstance(patch.exact, Surface)
     assert patch.design.deviation[1] + patch.deviation[1] <= 1e-3
     assert distance(gt.gtSurface(NET, gammaU=(0.4, 0.1), tolerance=1e-5), surface_points(patch.exact)) <= 1e-3
-    with pytest.raises(ArithmeticError):
-        gt.from_face(face, tolerance=1e-9, maxDegree=4)
+    whole = gt.from_face(face, tolerance=1e-9)
+    assert type(whole) is gt.GtFace
+    assert whole.geomType() == "CYLINDER"
+    round_edge = gt.from_edge(cq.Edge.makeCircle(5))
+    assert type(round_edge) is gt.GtEdge
+    assert round_edge.geomType() == "CIRCLE"
+    rows = [[cq.Vector(10 * i, 10 * j, (i * j) % 3) for j in range(5)] for i in range(6)]
+    waves = gt.from_face(cq.Face.makeSplineApprox(rows), tolerance=1e-2)
+    assert type(waves) is gt.GtShell
+    assert waves.isValid()
+    assert waves.design.deviation[1] + waves.deviation[1] <= 1e-2
 
 
 def test_curves_and_patches_go_on_from_the_host() -> None:

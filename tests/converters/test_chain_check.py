@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
@@ -15,7 +17,7 @@ from gtcad.converters.chain import fit_chain
 from gtcad.converters.check import check_parts
 from gtcad.converters.iges import read_iges, write_iges
 from gtcad.converters.part import EllipseArc, Part, Wire
-from gtcad.converters.spline_parts import merged
+from gtcad.converters.spline_parts import cut, merged
 from gtcad.converters.step import read_step, write_step
 from tests.test_composite import loop
 
@@ -192,15 +194,38 @@ def test_an_edge_too_many_is_extra(wire):
         assert all(joint.kept for joint in report.joints)
 
 
-def test_edges_that_do_not_correspond_are_undecided_not_accused(wire):
-    """One edge for all pieces, without knots at the joints."""
-    x = np.linspace(0, 4, 59)
-    spline = make_interp_spline(x / 4, wire.evaluate(x), 5)
+def resampled(chain, count=59):
+    """One edge through points of all pieces, without knots at the joints."""
+    x = np.linspace(0, len(chain.pieces), count)
+    spline = make_interp_spline(x, chain.evaluate(x), 5)
     inner = spline.t[6:-6]
-    held = BSplineCurve(spline.c, np.r_[0, inner, 1], [6, *[1] * len(inner), 6], 5)
-    (row,) = check(named([held]), wire).rows
-    assert (row.name, row.verdict) == ("x", "undecided")
-    assert row.remark == "the file holds 1 edges for 4 pieces, which do not correspond"
+    return BSplineCurve(spline.c, np.r_[x[0], inner, x[-1]], [6, *[1] * len(inner), 6], 5)
+
+
+def test_edges_that_do_not_correspond_are_held_against_the_pieces_that_they_lie_along(wire):
+    rough = np.abs(resampled(wire).evaluate(np.linspace(0, 4, 9999)) - wire.evaluate(np.linspace(0, 4, 9999))).max()
+    report = check(named([resampled(wire)]), wire, 3 * rough)
+    assert set(verdicts(report)) <= {"proved", "estimated"}
+    assert {row.face for row in report.rows} == {(0,)}
+    assert "failed" in verdicts(check(named([moved(resampled(wire), [0, 0, 9 * rough])]), wire, 3 * rough))
+
+
+def test_split_edges_are_proved_and_joined(wire, mixed):
+    for chain in (wire, mixed):
+        for seed in range(3):
+            rng = np.random.default_rng(seed)
+            halves = [
+                half
+                for edge in edges_of(chain)
+                for at in [rng.uniform(*edge.domain)]
+                for half in (cut(edge, edge.knots[0], at), backwards(cut(edge, at, edge.knots[-1])))
+            ]
+            order = rng.permutation(len(halves))
+            report = check(named([halves[k] for k in order]), chain)
+            assert_all_well(report, replace(chain, orders=tuple(f"G{order[1]}" for order in chain.orders)))
+            assert any("held by" in row.remark for row in report.rows)
+            lost = check(named([halves[k] for k in order[1:]]), chain)
+            assert set(verdicts(lost)) & {"failed", "missing"}
 
 
 def test_another_chain_altogether_fails(wire):

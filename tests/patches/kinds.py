@@ -12,7 +12,7 @@ import mpmath as mp
 
 from gtcad import BERNSTEIN, Curve, Restricted
 from gtcad.factors import CurveOfTerms, Waves
-from gtcad.patches import Coons, Lofted, Rotation, Ruled, Swept, Swung, cone, cylinder
+from gtcad.patches import Coons, Lofted, Plateau, Rotation, Ruled, Swept, Swung, TBCoons, cone, cylinder
 from gtcad.protocol import SeparableCurve, SeparableSurface
 from gtcad.restricted import RestrictedCurve
 from tests import reference
@@ -137,6 +137,16 @@ def _coons(u: Any, v: Any) -> Point:
     )
 
 
+INTERIOR = [[[5, 1, 20], [0, 5, -30], [1, 2, 3]], [[-4, 3, 10], [9, 9, 9], [0, 0, 40]]]
+TILTS = ((0.4, -0.7), (-1.0, 0.2))
+
+
+def _plateau(u: Any, v: Any) -> Point:
+    along, across = (reference.values("GT", n, g, t) for n, g, t in zip((3, 4), TILTS, (u, v), strict=True))
+    inside = [(along[i + 1] * across[j + 1], q) for i, row in enumerate(INTERIOR) for j, q in enumerate(row)]
+    return blend((1, _coons(u, v)), *inside)
+
+
 def _sums(profile: SeparableCurve, trajectory: SeparableCurve) -> Formula:
     return lambda u, v: blend((1, point(profile, u)), (1, point(trajectory, v)))
 
@@ -165,5 +175,7 @@ SAMPLES = [
     Sample("rotation, part", Rotation(WAVE, CENTER, AXIS, -50, 10), _rotation(WAVE, CENTER, AXIS, -50, 10)),
     Sample("lofted", Lofted(SECTIONS, UNEVEN, (0.1, -0.9)), _lofted(UNEVEN)),
     Sample("coons", Coons(*FRAME), _coons),
+    Sample("plateau", Plateau(*FRAME, INTERIOR, *TILTS), _plateau),
+    Sample("tb_coons", TBCoons(*FRAME), _coons),
 ]
 NAMES = [sample.name for sample in SAMPLES]

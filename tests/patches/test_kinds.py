@@ -20,7 +20,7 @@ from gtcad.converters.mesh import mesh_surface
 from gtcad.differential import gaussian_curvature, normal
 from gtcad.errors import InputError
 from gtcad.measure import area
-from gtcad.patches import Coons, Lofted, Rotation, Ruled, Swept, Swung
+from gtcad.patches import Coons, Lofted, Plateau, Rotation, Ruled, Swept, Swung, TBCoons
 from tests import reference
 from tests.patches.kinds import NAMES, SAMPLES, partial
 
@@ -202,7 +202,9 @@ def test_step_files_hold_what_is_proved(tmp_path: Path):
 
 def test_names_of_the_package():
     classes = {type(sample.patch) for sample in SAMPLES}
-    assert classes == {Ruled, Swept, Swung, Rotation, Lofted, Coons}
+    assert classes == {Ruled, Swept, Swung, Rotation, Lofted, Coons, Plateau, TBCoons}
     functions = {"cylinder", "cone", "coons_from_loop", "sweep_parts"}
+    functions |= {"dirichlet_extremal", "fixed_contour", "minimal_patch", "minimal_table"}
+    functions |= {"area_bounds", "least_area", "tb_coons_extremal"}
     assert set(patches.__all__) == {kind.__name__ for kind in classes} | {"Sweep"} | functions
     assert set(patches.__all__) <= set(dir(patches))
