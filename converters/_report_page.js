@@ -85,7 +85,6 @@
       eye = View.camera(scene.box);
       fit();
       recolour();
-      section.dataset.renderer = View.renderer().name;
     }
 
     function fit() { // the whole scene from where the eye is

@@ -26,6 +26,7 @@ from gtcad.converters.build123d_faces import (
 )
 from gtcad.converters.build123d_lines import (
     FaceOptions,
+    FitOptions,
     GTBezier,
     GTComposite,
     GTConic,
@@ -37,6 +38,13 @@ from gtcad.converters.build123d_lines import (
     LineOptions,
     host,
     labelled,
+)
+from gtcad.converters.build123d_sheets import (
+    GTDirichlet,
+    GTEnveloping,
+    GTGeodesicDevelopable,
+    GTPlateau,
+    GTSpineDevelopable,
 )
 from gtcad.converters.design import Design
 from gtcad.converters.face_designs import FaceDesign, design_from_face
@@ -50,22 +58,28 @@ from gtcad.solid import Solid
 
 __all__ = [
     "FaceOptions",
+    "FitOptions",
     "GTBezier",
     "GTComposite",
     "GTConic",
     "GTCoons",
     "GTCurve",
+    "GTDirichlet",
+    "GTEnveloping",
     "GTFace",
+    "GTGeodesicDevelopable",
     "GTHyperbola",
     "GTJoin",
     "GTJoinPatch",
     "GTLofted",
     "GTObject",
     "GTParabola",
+    "GTPlateau",
     "GTProfile",
     "GTRotation",
     "GTRuled",
     "GTSolid",
+    "GTSpineDevelopable",
     "GTSurface",
     "GTSweep",
     "GTSwept",
@@ -204,7 +218,7 @@ def from_edge(
 ) -> Design[Any]:
     """The GT curve nearest to an edge, or a chain where one is not enough: ``curve`` and its proved ``deviation``.
 
-    See ``hosts.design_from_edge``.
+    Lines, circles, ellipses and their arcs come out exactly, unless a degree is given. See ``hosts.design_from_edge``.
     """
     return design_from_edge(edge, tolerance=tolerance, degree=degree, order=order)
 
@@ -212,7 +226,7 @@ def from_edge(
 def from_face(
     face: Any, *, tolerance: float = DEFAULT_TOLERANCE, max_degree: int = 16, untrimmed: bool = False
 ) -> FaceDesign:
-    """The GT patch nearest to a face: ``surface`` and its proved ``deviation``.
+    """The GT patch nearest to a face, or a quilt where one is not enough: ``surface`` and its proved ``deviation``.
 
     See ``hosts.design_from_face``.
     """

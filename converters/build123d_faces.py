@@ -12,6 +12,7 @@ from gtcad.composite import Composite
 from gtcad.converters.build123d_lines import (
     BaseObject,
     FaceOptions,
+    FitOptions,
     GTComposite,
     GTConic,
     GTObject,
@@ -66,14 +67,15 @@ class GTProfile(GTObject, host.BaseSketchObject):  # type: ignore[misc]
         mode: host.Mode = host.Mode.ADD,
         label: str = "",
         color: Any = None,
+        **settings: Unpack[FitOptions],
     ) -> None:
         made: Made[Any]
         if len(pieces) == 1 and isinstance(pieces[0], SeparableSurface) and pieces[0].dimension == 2:
-            made = made_face(pieces[0], tolerance=tolerance, degree=degree)
+            made = made_face(pieces[0], tolerance=tolerance, degree=degree, **settings)
             face = host.Face(made.shape)
         else:
             whole = len(pieces) == 1 and isinstance(pieces[0], Composite | GTComposite | GTConic)
-            made = made_wire(chain_of(pieces, orders, not whole), tolerance=tolerance, degree=degree)
+            made = made_wire(chain_of(pieces, orders, not whole), tolerance=tolerance, degree=degree, **settings)
             face = _inside(host.Wire(made.shape))
         super().__init__(face, rotation, align, mode)
         labelled(self, made, label, color)
@@ -121,7 +123,7 @@ class GTFace(GTObject, host.Face, BaseObject):  # type: ignore[misc]
         mode: host.Mode = host.Mode.ADD,
         label: str = "",
         color: Any = None,
-        **settings: Any,
+        **settings: Unpack[FitOptions],
     ) -> None:
         made = made_face(patch, tolerance=tolerance, degree=degree, **settings)
         face = host.Face(made.shape)
@@ -266,7 +268,8 @@ class GTJoinPatch(GTFace):
     ) -> None:
         tolerance = options.get("tolerance", DEFAULT_TOLERANCE)
         joined = patch_on_face(face, edge, curve_of(curve, "curve"), order=order, reach=reach, tolerance=tolerance)
-        super().__init__(joined.surface, end_order=((int(order[1]), 0), (0, 0)), **options)
+        options.setdefault("end_order", ((int(order[1]), 0), (0, 0)))
+        super().__init__(joined.surface, **options)
         self.report = joined.report
 
 
@@ -309,8 +312,9 @@ class GTSolid(GTObject, host.BasePartObject):  # type: ignore[misc]
         mode: host.Mode = host.Mode.ADD,
         label: str = "",
         color: Any = None,
+        **settings: Unpack[FitOptions],
     ) -> None:
-        made = made_solid(_solid(patches, caps, thickness), tolerance=tolerance, degree=degree)
+        made = made_solid(_solid(patches, caps, thickness), tolerance=tolerance, degree=degree, **settings)
         super().__init__(host.Solid(made.shape), rotation=rotation, align=align, mode=mode)
         labelled(self, made, label, color)
 

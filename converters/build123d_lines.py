@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 __all__ = [
     "BaseObject",
     "FaceOptions",
+    "FitOptions",
     "GTBezier",
     "GTComposite",
     "GTConic",
@@ -52,8 +53,19 @@ GeometricOrder = Literal["G0", "G1", "G2", "G3"]
 _SUBSHAPES = {"EDGE": "edges", "WIRE": "wires", "FACE": "faces", "SHELL": "shells", "SOLID": "solids"}
 
 
-class LineOptions(TypedDict, total=False):
-    """What every line object takes.
+class FitOptions(TypedDict, total=False):
+    """The other arguments of ``fit_curve`` and ``fit_surface``, which every object takes too."""
+
+    continuity: int | None
+    end_order: int | tuple[int, int] | tuple[tuple[int, int], tuple[int, int]]
+    exact: Literal["auto"] | bool
+    max_spans: int
+    max_degree: int
+    adapt: bool
+
+
+class LineOptions(FitOptions, total=False):
+    """What every line object takes, besides ``FitOptions``.
 
     Attributes
     ----------
@@ -290,7 +302,7 @@ class GTJoin(EdgeObject):
     gamma, scale
         See ``hosts.curve_on_edge``.
     options
-        See ``LineOptions``. The B-spline has the curve's derivatives 0..k where it starts.
+        See ``LineOptions``. The B-spline has the curve's derivatives 0..k where it starts, or what ``end_order`` says.
 
     Examples
     --------
@@ -311,7 +323,8 @@ class GTJoin(EdgeObject):
         **options: Unpack[LineOptions],
     ) -> None:
         curve = curve_on_edge(edge, points_of(points), order=order, at=at, gamma=gamma, scale=scale)
-        super().__init__(curve, end_order=(int(order[1]), 0), **options)
+        options.setdefault("end_order", (int(order[1]), 0))
+        super().__init__(curve, **options)
 
 
 class GTComposite(GTObject, host.BaseLineObject):  # type: ignore[misc]
@@ -339,8 +352,9 @@ class GTComposite(GTObject, host.BaseLineObject):  # type: ignore[misc]
         mode: host.Mode = host.Mode.ADD,
         label: str = "",
         color: Any = None,
+        **settings: Unpack[FitOptions],
     ) -> None:
-        made = made_wire(chain_of(pieces, orders, closed), tolerance=tolerance, degree=degree)
+        made = made_wire(chain_of(pieces, orders, closed), tolerance=tolerance, degree=degree, **settings)
         super().__init__(host.Wire(made.shape), mode=mode)
         labelled(self, made, label, color)
 

@@ -46,6 +46,13 @@ from gtcad.converters.cadquery_shapes import (
     cq,
     curve_of,
 )
+from gtcad.converters.cadquery_sheets import (
+    gtDirichlet,
+    gtEnveloping,
+    gtGeodesicDevelopable,
+    gtPlateau,
+    gtSpineDevelopable,
+)
 from gtcad.errors import InputError
 from gtcad.protocol import SeparableCurve
 from gtcad.quilt import Quilt
@@ -69,12 +76,17 @@ __all__ = [
     "gtCoons",
     "gtCurve",
     "gtCurveOn",
+    "gtDirichlet",
+    "gtEnveloping",
+    "gtGeodesicDevelopable",
     "gtLofted",
+    "gtPlateau",
     "gtRotation",
     "gtRuled",
     "gtShape",
     "gtShell",
     "gtSolid",
+    "gtSpineDevelopable",
     "gtSurface",
     "gtSurfaceOn",
     "gtSweep",
@@ -204,6 +216,11 @@ class Workplane(cq.Workplane):  # type: ignore[misc]
     gtCoons = _at_points(gtCoons)
     gtSweep = _at_points(gtSweep)
     gtShell = _at_points(gtShell)
+    gtDirichlet = _at_points(gtDirichlet)
+    gtEnveloping = _at_points(gtEnveloping)
+    gtGeodesicDevelopable = _at_points(gtGeodesicDevelopable)
+    gtPlateau = _at_points(gtPlateau)
+    gtSpineDevelopable = _at_points(gtSpineDevelopable)
 
 
 def register() -> None:

@@ -180,7 +180,7 @@ def _end_gaps(chain: Composite, runs: Sequence[range], held: Sequence[Piece]) ->
     wanted = np.array([[chain.pieces[run[0]].evaluate(0.0), chain.pieces[run[-1]].evaluate(1.0)] for run in runs])
     given = np.array([piece.figure.points.evaluate(np.array([[0.0], [1.0]])) for piece in held])
     ways = [np.linalg.norm(wanted[:, None] - own, axis=-1).max(axis=-1) for own in (given, given[:, ::-1])]
-    return np.minimum(*ways)
+    return np.asarray(np.minimum(*ways))
 
 
 def _ways(chain: Composite, run: range, piece: Piece) -> Iterator[tuple[float, _Held]]:

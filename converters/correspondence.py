@@ -207,7 +207,7 @@ def part_way(figure: Figure, piece: Figure, tolerance: float) -> Way | None:
     if piece.face is not None or figure.face is not None or isinstance(figure.geometry, Composite):
         return None
     places = lattice(*[_INSIDE[figure.variables]] * figure.variables)
-    found = figure.nearest(piece.points.evaluate(places))
+    found = figure.nearest(piece.points.evaluate(places), searches=1)
     if found.distances.max() > 4 * tolerance:
         return None
     ways = (_fitted(figure, piece, places, found.places, kinds) for kinds in _kinds(figure, piece))
@@ -291,17 +291,17 @@ def _kept(way: Way) -> tuple[Bounds, ...]:
         domain = (geometry.domain,)
     elif isinstance(geometry, BSplineSurface):
         domain = geometry.domain[::-1] if way.transposed else geometry.domain
-    kept = []
+    kept: list[Bounds] = []
     for ends, own in zip(way.ranges, domain, strict=True):
-        kept.append(tuple(min((x, 0.0, 1.0, *own), key=lambda y, x=x: _jump(x, y)) for x in ends))
-    return tuple((a, b) if abs(a - b) >= _LEAST else ends for (a, b), ends in zip(kept, way.ranges, strict=True))
+        first, last = (_best(x, own) for x in ends)
+        kept.append((first, last) if abs(first - last) >= _LEAST else ends)
+    return tuple(kept)
 
 
-def _jump(x: float, y: float) -> float:
-    """How well y serves for x: itself is the last choice, what is not near none at all."""
-    if not 0.0 <= y <= 1.0 or abs(x - y) > _NEAR:
-        return np.inf
-    return _NEAR if x == y else abs(x - y)
+def _best(x: float, own: Bounds) -> float:
+    """What serves for an end of a range: 0 or 1, or one of the piece's own, if near; else itself."""
+    near = [y for y in (0.0, 1.0, *own) if 0.0 <= y <= 1.0 and abs(x - y) <= _NEAR]
+    return min(near, key=lambda y: abs(x - y), default=x)
 
 
 # --- several pieces ---------------------------------------------------------------------------------------------------

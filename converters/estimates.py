@@ -176,7 +176,7 @@ def _box_distances(box: Array, points: Array) -> Array:
     """Bounds from below, as far as a box of samples, made a little larger, can tell."""
     margin = 0.05 * float(np.linalg.norm(box[1] - box[0]))
     beyond = np.maximum(np.maximum(box[0] - points, points - box[1]), 0.0)
-    return np.maximum(np.linalg.norm(beyond, axis=1) - margin, 0.0)
+    return np.asarray(np.maximum(np.linalg.norm(beyond, axis=1) - margin, 0.0))
 
 
 # --- from a piece to the figure ---------------------------------------------------------------------------------------

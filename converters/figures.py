@@ -120,7 +120,7 @@ class Figure:
         if self.face is None:
             found = nearest(points, self.points, enough=enough, searches=searches)
             return found, found.distances
-        if self.face.region is None or self.face.region.inside is None:
+        if self.face.region is None:
             unknown = np.full_like(points, np.nan)
             nowhere = Nearest(np.full(len(points), np.inf), unknown, unknown[:, : self.variables])
             return nowhere, np.zeros(len(points))
@@ -219,7 +219,7 @@ def _functions(geometry: Geometry) -> tuple[Callable[[Array], Array], Callable[[
         case SeparableSurface():
             return (
                 lambda p: geometry.evaluate(p[:, 0], p[:, 1]),
-                lambda p: np.stack([geometry.derivative(*p.T, orders) for orders in ((1, 0), (0, 1))], axis=1),
+                lambda p: np.stack([geometry.derivative(p[:, 0], p[:, 1], (1 - k, k)) for k in (0, 1)], axis=1),
             )
     domain = geometry.domain
     lengths = np.array([last - first for first, last in domain])

@@ -301,7 +301,7 @@ def _entity(curve: SeparableCurve, start: Array, end: Array, tolerance: float) -
         deviation = certify_arc(lifted, _in_space(arc)).upper
         if deviation <= min(tolerance, _ROUND * arc.radius):
             return arc, deviation
-    fit = fit_curve(curve, tolerance=tolerance, degree=_DEGREE, exact=False, end_order=1)
+    fit = fit_curve(curve, tolerance=tolerance, degree=_DEGREE, exact=False, end_order=1, adapt=False)
     poles = np.array(fit.spline.control_points)
     poles[0], poles[-1] = start, end
     snapped = float(max(np.linalg.norm(poles[k] - fit.spline.control_points[k]) for k in (0, -1)))

@@ -32,7 +32,7 @@ DEFAULT_TOLERANCE = 1e-3
 """mm: what a host's object keeps unless told otherwise."""
 
 DEFAULT_DEGREE: Degree = "auto"
-"""Of the splines: one span of a high degree where that needs the fewest poles. Kernels shell and fillet it best."""
+"""Of the splines: what needs the fewest poles. Kernels offset, shell and fillet all degrees alike, see smooth_edges."""
 
 _LEAST_PART = 1e-3
 _EDGE_DEGREE, _CHAIN_DEGREE = 8, 5

@@ -79,7 +79,7 @@ def read_iges(path: str | os.PathLike[str]) -> list[Part]:
 
 
 def iges_data(path: str | os.PathLike[str]) -> bytes:
-    """All of a file whose sections agree with each other.
+    """All of a file whose sections agree with each other, and whose numbers have a bound.
 
     Raises
     ------
@@ -88,6 +88,7 @@ def iges_data(path: str | os.PathLike[str]) -> bytes:
     """
     data = exchange.file_bytes(path)
     _check_sections(str(path), data)
+    exchange.refuse_huge_numbers(path, data)
     return data
 
 

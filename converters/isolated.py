@@ -34,7 +34,7 @@ _GRACE = 5.0  # seconds of the processor beyond the time limit, after which an a
 
 
 class ChildError(RuntimeError):
-    """The job raised an error that is not gtcad's: a fault of the program, with the traceback of the child."""
+    """The job raised an error that is not gtcad's: a fault of the program, with the child's traceback as a note."""
 
 
 @dataclass(eq=False)
@@ -144,7 +144,9 @@ class Runner:
         if kind == "error":
             raise value
         if kind == "fault":
-            raise ChildError(value)
+            error = ChildError(value.splitlines()[-1])
+            error.add_note(value)
+            raise error
         return value
 
     def _fate(self, code: int) -> str:

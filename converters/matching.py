@@ -106,7 +106,7 @@ class _Search:
         units = self._in_other_units()
         self._by_name()
         self._last_choices()
-        return Matches(self.groups, units)
+        return Matches([sorted(group) for group in self.groups], units)
 
     def by_place(self) -> None:
         """Whole shapes, then parts of shapes."""
@@ -190,18 +190,11 @@ class _Search:
 
     def _is_double(self, p: int, t: int) -> bool:
         """Whether the pieces of a target are already where the part is."""
-        others = [self.parts[q].figure for q in self.groups[t]]
-        if not others:
-            return False
-        enough = _APART * self.tolerance
-        return bool(nearest_of(others, self.parts[p].figure.marks, enough, 1).distances.max() <= enough)
+        return _all_near(self.parts[p].figure, [self.parts[q].figure for q in self.groups[t]], _APART * self.tolerance)
 
     def _is_covered(self, t: int) -> bool:
         pieces = [self.parts[p].figure for p in self.groups[t]]
-        if not pieces:
-            return False
-        enough = _APART * self.tolerance
-        return bool(nearest_of(pieces, self.targets[t].figure.marks, enough, 1).distances.max() <= enough)
+        return _all_near(self.targets[t].figure, pieces, _APART * self.tolerance)
 
     def _by_name(self) -> None:
         for t, target in enumerate(self.targets):
@@ -213,6 +206,9 @@ class _Search:
         """Parts whose names tell nothing, to the shapes that are left: as they lie nearest over all."""
         free = [t for t, group in enumerate(self.groups) if not group]
         unknown = [p for p in self.left if not self._is_named(self.parts[p].name)]
+        if len(free) == 1 and self.targets[free[0]].figure.is_chain:
+            self.groups[free[0]] = unknown
+            return
         centers = {p: self.parts[p].figure.box for p in unknown}
         pairs = {(p, t): float(np.abs(centers[p] - self.targets[t].figure.box).max()) for p in unknown for t in free}
         for p, t in self._assigned(pairs):
@@ -245,11 +241,9 @@ class _Search:
 
     def _scaled(self, targets: Sequence[int], parts: Sequence[int], factor: float) -> dict[int, list[int]]:
         """The targets that the parts cover when these are so many times larger."""
-        sizes = np.array([self.parts[p].figure.size for p in parts])
-        own = np.array([self.targets[t].figure.size for t in targets])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratios = sizes[:, None] / own[None, :] / factor
-        if not (np.abs(ratios - 1) <= _SAME_RATIO).any():
+        held, wanted = [self.parts[p].figure for p in parts], [self.targets[t].figure for t in targets]
+        sizes, own = (np.array([_extent(group), *(one.size for one in group)]) for group in (held, wanted))
+        if not (np.abs(sizes[:, None] - factor * own) <= _SAME_RATIO * sizes[:, None]).any():
             return {}
         larger = [replace(self.targets[t], figure=scaled(self.targets[t].figure, factor)) for t in targets]
         search = _Search([self.parts[p] for p in parts], larger, factor * self.tolerance)
@@ -259,3 +253,17 @@ class _Search:
             for t, group in enumerate(search.groups)
             if group and search._is_covered(t)
         }
+
+
+def _all_near(figure: Figure, others: Sequence[Figure], limit: float) -> bool:
+    """Whether all marks of a figure are within a limit of others; trees tell most of those that are not."""
+    if not others:
+        return False
+    bounds = np.min([one.points.tree.query(figure.marks)[0] - one.points.reach for one in others], axis=0)
+    return bool(bounds.max() <= limit and nearest_of(others, figure.marks, limit, 1).distances.max() <= limit)
+
+
+def _extent(figures: Sequence[Figure]) -> float:
+    """The diagonal of the box around all."""
+    boxes = np.array([figure.box for figure in figures])
+    return float(np.linalg.norm(boxes[:, 1].max(axis=0) - boxes[:, 0].min(axis=0)))

@@ -25,6 +25,7 @@ _COUNTS = {1: (1025,), 2: (33, 33)}
 SEARCHES = 4
 """From how many points of the grid a search begins."""
 _STILL, _SAME = 1e-13, 1e-11  # a step so small, of the domain, or so little a gain, of the distance, ends the search
+_BEYOND, _OTHER_END = 24, 0.5  # points of the grid that are looked through for another end, and how far that is
 _DAMPED, _LEAST_DAMPING = 1e-3, 1e-14
 _WIDER = 1.2  # what the parts of a grid may be wider than their sampled sides say
 _MAX_CELLS = 200_000
@@ -131,13 +132,28 @@ def nearest(points: Array, target: PointSet, *, enough: float = 0.0, searches: i
     starts = np.asarray(target.tree.query(points, k=range(1, searches + 1))[1])
     best = np.full(len(points), np.inf)
     places = np.zeros((len(points), target.variables))
+
+    def search(which: NDArray[np.int_], begin: Array) -> None:
+        found, at = _refined(points[which], begin, target)
+        better = found < best[which]
+        best[which[better]], places[which[better]] = found[better], at[better]
+
     for k in range(searches):
         again = np.flatnonzero(best > enough)
-        if not len(again):
+        if len(again):
+            search(again, target.places[starts[again, k]])
+    at_end = np.flatnonzero(((places <= 0) | (places >= 1)).any(axis=1) & (best > enough))
+    tried = places[at_end, None]
+    for _ in range(2**target.variables - 1):  # the figure may be closed, and go on at another end
+        others = target.places[np.asarray(target.tree.query(points[at_end], k=_BEYOND)[1])]
+        apart = np.abs(others[:, :, None] - tried[:, None]).max(axis=3).min(axis=2) > _OTHER_END
+        some = apart.any(axis=1)
+        at_end, tried = at_end[some], tried[some]
+        if not len(at_end):
             break
-        found, at = _refined(points[again], target.places[starts[again, k]], target)
-        better = found < best[again]
-        best[again[better]], places[again[better]] = found[better], at[better]
+        begin = others[some, apart[some].argmax(axis=1)]
+        search(at_end, begin)
+        tried = np.concatenate([tried, begin[:, None]], axis=1)
     return Nearest(best, target.evaluate(places), places)
 
 

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from gtcad.converters.scene import Scene
 
 MODEL = "MODEL"
+MAX_COORDINATE = 1e12  # mm: a million kilometres
 
 
 class Code(IntEnum):
@@ -190,12 +191,11 @@ def run_job(job: Job) -> Outcome:
     report, readiness, scene = None, None, None
     parts: list[Part] = []
     shapes: dict[str, ModelShape] | None = None
+    others: list[Part] = []
     if job.against is not None or job.scene:
-        from gtcad.converters import jobs
-
-        parts = jobs.read_parts(job.file, job.form)
+        parts = _parts(job.file, job.form)
     if job.against is not None:
-        report, shapes = _compared(job, parts)
+        report, shapes, others = _compared(job, parts)
     if job.profile is not None:
         from gtcad.converters.readiness import readiness_of_file
 
@@ -203,7 +203,7 @@ def run_job(job: Job) -> Outcome:
     if job.scene:
         from gtcad.converters.scene import scene_of_parts
 
-        scene = scene_of_parts(parts, () if report is None else report.rows, shapes)
+        scene = scene_of_parts(parts, () if report is None else report.rows, shapes, others=others)
     code = worst_code([_code_of_report(report, job.require_proof), _code_of_readiness(readiness)])
     seconds = time.monotonic() - started
     return Outcome(
@@ -220,9 +220,9 @@ def run_job(job: Job) -> Outcome:
     )
 
 
-def _compared(job: Job, parts: list[Part]) -> tuple[Report, dict[str, ModelShape] | None]:
-    """The comparison, and the shapes of the model if it is one with a model."""
-    from gtcad.converters import check, jobs
+def _compared(job: Job, parts: list[Part]) -> tuple[Report, dict[str, ModelShape] | None, list[Part]]:
+    """The comparison, and the shapes of the model or the parts of the other file."""
+    from gtcad.converters import check
 
     if job.against is None or job.tolerance is None:
         raise InputError("a comparison needs something to compare with, and a tolerance")
@@ -230,9 +230,32 @@ def _compared(job: Job, parts: list[Part]) -> tuple[Report, dict[str, ModelShape
         from gtcad.model import load_model
 
         shapes = load_model(job.against).in_millimetres()
-        return check.check_parts(parts, shapes, job.tolerance), shapes
-    others = jobs.read_parts(job.against, job.against_form)
-    return check.compare_parts(parts, others, job.tolerance), None
+        return check.check_parts(parts, shapes, job.tolerance), shapes, []
+    others = _parts(job.against, job.against_form)
+    return check.compare_parts(parts, others, job.tolerance), None, others
+
+
+def _parts(path: str, form: str) -> list[Part]:
+    """The parts of a file, whose coordinates must leave room for their squares."""
+    from gtcad.converters import jobs
+
+    parts = jobs.read_parts(path, form)
+    for number, part in enumerate(parts, start=1):
+        for sides in (jobs.describe_parts([part], form)["box"] or {}).values():
+            check_coordinates(path, f"part {number} ({part.name!r})", max(map(abs, sides)))
+    return parts
+
+
+def check_coordinates(path: str, what: str, most: float) -> None:
+    """Refuse coordinates that nothing made can have.
+
+    Raises
+    ------
+    FileError
+        When the largest is more than 1e12 mm, or not a number.
+    """
+    if not most <= MAX_COORDINATE:
+        raise FileError(path, f"{what} has coordinates of {most:.3g} mm, at most {MAX_COORDINATE:g} mm are possible")
 
 
 def _code_of_report(report: Report | None, require_proof: bool) -> int:

@@ -129,8 +129,7 @@ class Region:
         First and last u, first and last v of the part's spline, where the face is that rectangle; None where it is
         trimmed otherwise.
     inside
-        From parameters of the part's spline, shape (n, 2), to whether they are those of a point of the face; None where
-        the kernel's parameters are others.
+        From parameters of the part's spline, shape (n, 2), to whether they are those of a point of the face.
     sampled
         From a number of lines to points of the face, shape (n, 3): its boundary, and those of a grid that lie inside.
     feet
@@ -138,7 +137,7 @@ class Region:
     """
 
     rectangle: tuple[tuple[float, float], tuple[float, float]] | None
-    inside: Callable[[Array], NDArray[np.bool_]] | None
+    inside: Callable[[Array], NDArray[np.bool_]]
     sampled: Callable[[int], Array]
     feet: Callable[[Array], Array]
 

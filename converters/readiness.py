@@ -12,6 +12,7 @@ import numpy as np
 from gtcad.converters.edge_quality import across, beside, continuity
 from gtcad.converters.observations import Point, Seen, edge_name, face_name, place_of
 from gtcad.converters.profiles import PROFILES, Level, Profile
+from gtcad.errors import FileError, InputError
 
 if TYPE_CHECKING:
     from gtcad.converters.occt.document import Item
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 MESH = 1e-3  # deflection of the mesh on which crossings are looked for, relative to the size of all
 DEPTH = 4.0  # deflections: crossings less deep may be the mesh's own
 MOST_TRIANGLES = 200_000
+LARGEST = 1e12  # mm: a million kilometres
 
 
 @dataclass(frozen=True)
@@ -127,6 +129,8 @@ def readiness(items: Sequence[Item], stored: Sequence[float] = (), *, profile: P
 
     Raises
     ------
+    InputError
+        When they are larger than anything that is made.
     KernelError
         When the kernel fails on one of them.
 
@@ -140,6 +144,8 @@ def readiness(items: Sequence[Item], stored: Sequence[float] = (), *, profile: P
 
     inspection = inspect(items)
     size = _size(inspection)
+    if not size <= LARGEST:
+        raise InputError(f"the size must be at most {LARGEST:g} mm, got {size:g} mm")
     edges = tuple(continuity(inspection, profile, size))
     seen = [*_of_bodies(inspection), *_of_faces(inspection), *_of_edges(inspection), *across(edges, profile)]
     seen += beside(inspection, profile)
@@ -165,7 +171,10 @@ def readiness_of_file(path: str, form: str, profile: Profile = PROFILES["cam"]) 
     """
     from gtcad.converters.stated import items_and_accuracies
 
-    return readiness(*items_and_accuracies(path, form), profile=profile)
+    try:
+        return readiness(*items_and_accuracies(path, form), profile=profile)
+    except InputError as error:
+        raise FileError(path, str(error)) from error
 
 
 def _judged(profile: Profile, seen: Iterable[Seen], facts: dict[str, Any]) -> Readiness:

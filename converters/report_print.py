@@ -6,7 +6,7 @@ As with ``gtcad.pictures`` equal input gives equal bytes, and drawing is for one
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -26,7 +26,7 @@ _DPI = 150
 _LINE = 1.35  # of the size of the letters
 _MONO, _SANS = 0.602, 0.56  # of the size: width of a letter, exact and about
 _SMALL = 6.6  # points
-_MOST_SECTIONS = 20  # in a PNG, whose height is limited
+_HIGHEST = 400.0  # inches: pictures have at most 65536 lines
 _MOST_ROWS = 300  # of a table
 _COLOURS = {"passed": "#00664a", "failed": "#a33b00", "error": "#a33b00", "undecided": "#8a6100"}
 _PICTURE = 3.6  # inches
@@ -53,14 +53,14 @@ def write_pdf(path: Path, outcomes: Sequence[Outcome]) -> None:
         from matplotlib.backends.backend_pdf import PdfPages
 
         with PdfPages(path, metadata={"Title": "gtcad check", "CreationDate": None}) as pages:
-            for blocks in _pages(list(_blocks(outcomes, len(outcomes)))):
+            for blocks in _pages(list(_blocks(outcomes))):
                 figure = new_figure(_HEIGHT)
                 _draw(figure, blocks)
                 pages.savefig(figure)
 
 
 def write_png(path: Path, outcomes: Sequence[Outcome]) -> None:
-    """One picture as high as it needs to be; of more than 20 outcomes only the table has all.
+    """One picture as high as it needs to be, but for what is beyond 10 m.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def write_png(path: Path, outcomes: Sequence[Outcome]) -> None:
         When matplotlib is not installed.
     """
     with _matplotlib() as new_figure:
-        blocks = list(_blocks(outcomes, _MOST_SECTIONS))
+        blocks = list(_cut(_blocks(outcomes)))
         figure = new_figure(sum(block.height for block in blocks) + 2 * _MARGIN)
         _draw(figure, blocks)
         figure.savefig(path, format="png", dpi=_DPI, metadata={"Title": "gtcad check"})
@@ -95,6 +95,17 @@ def _matplotlib() -> Iterator[Callable[[float], Any]]:
         yield new_figure
 
 
+def _cut(blocks: Iterable[_Block]) -> Iterator[_Block]:
+    """As many as fit a picture, and a line that says so when they do not all."""
+    room = _HIGHEST
+    for block in blocks:
+        room -= block.height
+        if room < 0:
+            yield _text("The rest does not fit a picture: a report in PDF or HTML has it.", 9)
+            return
+        yield block
+
+
 def _pages(blocks: Sequence[_Block]) -> Iterator[list[_Block]]:
     page: list[_Block] = []
     room = _HEIGHT - 2 * _MARGIN
@@ -117,15 +128,13 @@ def _draw(figure: Any, blocks: Sequence[_Block]) -> None:
 # --- what stands on the pages -----------------------------------------------------------------------------------------
 
 
-def _blocks(outcomes: Sequence[Outcome], sections: int) -> Iterator[_Block]:
+def _blocks(outcomes: Sequence[Outcome]) -> Iterator[_Block]:
     if len(outcomes) > 1:
         yield _text(f"Check of {len(outcomes)} files", 14, weight="bold")
         rows = [[words.title_of(o), _marked(words.state_of(o)), words.headline(o)] for o in outcomes]
         yield from _table("", ("file", "verdict", "in words"), rows, (30, 14, 80))
-    for number, outcome in enumerate(outcomes[:sections]):
+    for number, outcome in enumerate(outcomes):
         yield from _section(outcome, new_page=number > 0 or len(outcomes) > 1)
-    if len(outcomes) > sections:
-        yield _text(f"The sections of {len(outcomes) - sections} more files are left out here; a PDF has them.", 9)
 
 
 def _section(outcome: Outcome, *, new_page: bool) -> Iterator[_Block]:

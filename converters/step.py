@@ -86,7 +86,7 @@ def read_step(path: str | os.PathLike[str]) -> list[Part]:
 
 
 def step_data(path: str | os.PathLike[str]) -> bytes:
-    """All of a file that begins and ends as STEP files do.
+    """All of a file that begins and ends as STEP files do, and whose numbers have a bound.
 
     Raises
     ------
@@ -98,4 +98,5 @@ def step_data(path: str | os.PathLike[str]) -> bytes:
         raise FileError(str(path), "is not a readable STEP file: it does not begin with ISO-10303-21;")
     if b"END-ISO-10303-21;" not in data:
         raise FileError(str(path), "is not a readable STEP file: its end is missing")
+    exchange.refuse_huge_numbers(path, data)
     return data

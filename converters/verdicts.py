@@ -132,12 +132,10 @@ def _proof(name: str, figure: Figure, pieces: Sequence[Figure], tolerance: float
             return None, np.array(certificate.place)
         deviation = certificate.lower, certificate.upper
         return _proved(name, [way], deviation, way.method, tolerance, np.array(certificate.place)), None
-    ways = []
-    for piece in pieces:
-        way = part_way(figure, piece, tolerance)
-        if way is None:
-            return None, None
-        ways.append(way)
+    found = [part_way(figure, piece, tolerance) for piece in pieces]
+    ways = [way for way in found if way is not None]
+    if len(ways) < len(pieces):
+        return None, None
     ways = common_ranges(ways, lambda axis: tolerance / float(figure.points.speed[axis]))
     if not covers(ways):
         return None, None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -17,8 +18,11 @@ _MOST_STEPS = 300
 _FLAT = 1e-6  # over the span of values: a slope as small as this is none
 _FIRST_MOVE, _LAST_MOVE = 0.25, 1e-6  # in a design variable
 _APART = 0.05  # in a design variable: nearer designs are taken to lie in one valley
-_LARGE = 1e300
-_SCANNED = 129  # places on a line through the box
+_LARGE = 1e140
+_BEYOND, _LEAST_BEYOND, _MOST_WITHIN = 1e120, 1e105, 1e100  # of values, where one number has to say all
+_AT_WALL = 1e-12  # a design as close as this to a bound is meant to lie on it
+_LINE, _PLANE = 129, 33  # places on a line through the box, and on a line of a grid over a plane through it
+_HOLLOWS = 4  # of a grid: those that are gone down
 _MOST_SCANS = 10
 
 
@@ -56,21 +60,43 @@ def polish(search: Search, designs: Sequence[Array] | Array, most: int = 1, *, n
 
 
 def scan(search: Search) -> None:
-    """Look along each variable alone, over its whole range, for a lower valley, and go down there, until none is left.
+    """Look along single variables and over planes of two for lower valleys, from end to end, and go down there.
 
-    A swarm that has settled in the wrong one of many valleys leaves it by this.
+    A swarm that has settled in the wrong one of many valleys leaves it by this. It ends when nothing lower is found.
+    Planes cost 1089 designs each: with more than two variables they are for objectives that are quick, which those
+    with a gradient are.
     """
-    line = np.linspace(LEAST, MOST, _SCANNED)
+    dimension = search.problem.dimension
+    planes = dimension == 2 or search.problem.gradient is not None
     for _ in range(_MOST_SCANS):
         before = search.value
-        for index in range(search.problem.dimension):
-            places = np.tile(search.design, (_SCANNED, 1))
-            places[:, index] = line
+        for index in range(dimension):
+            places = np.tile(search.design, (_LINE, 1))
+            places[:, index] = np.linspace(LEAST, MOST, _LINE)
             values = search.values(places)
             if values.min() < search.value:
                 _downhill(search, places[values.argmin()])
+        if search.value < before:
+            continue
+        for pair in itertools.combinations(range(dimension), 2) if planes else ():
+            _scan_plane(search, pair)
         if not search.value < before:
             return
+
+
+def _scan_plane(search: Search, pair: tuple[int, int]) -> None:
+    """Go down from the lowest hollows of a grid."""
+    line = np.linspace(LEAST, MOST, _PLANE)
+    places = np.tile(search.design, (_PLANE**2, 1))
+    places[:, pair] = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    table = search.values(places).reshape(_PLANE, _PLANE)
+    around = np.pad(table, 1, constant_values=math.inf)
+    shifts = [(i, k) for i in range(3) for k in range(3) if (i, k) != (1, 1)]
+    hollow = np.all([table <= around[i : i + _PLANE, k : k + _PLANE] for i, k in shifts], axis=0).ravel()
+    order = np.argsort(np.where(hollow, table.ravel(), math.inf), kind="stable")
+    for place in order[: min(_HOLLOWS, int(hollow.sum()))]:
+        if np.abs(places[place] - search.design).max() > _APART:
+            _downhill(search, places[place])
 
 
 def is_minimum(search: Search) -> bool:
@@ -108,9 +134,9 @@ def _downhill(search: Search, start: Array, *, noted: bool = False) -> None:
         callback=note if noted else None,
         options={"maxiter": _MOST_STEPS, "ftol": 1e-16, "gtol": 0.0},
     )
-    end = kept_inside(found.x)[None]
-    if found.fun < search.value or search.excess > 0:
-        search.offer(end, np.array([found.fun]), search.excesses(end))
+    if found.fun < _LARGE and (found.fun < search.value or search.excess > 0):
+        end = np.where(np.abs(found.x) > MOST - _AT_WALL, np.sign(found.x), found.x)[None]
+        search.offer(end, search.values(end), search.excesses(end))
 
 
 def _compass(search: Search, start: Array) -> bool:
@@ -136,37 +162,30 @@ def _compass(search: Search, start: Array) -> bool:
 
 
 def evolution(search: Search, start: Array, particles: int, iterations: int, rng: np.random.Generator) -> None:
-    """Scipy's differential evolution with as many members and generations, vectorised."""
-    from scipy.optimize import NonlinearConstraint, differential_evolution
+    """Differential evolution by scipy with as many members and generations, vectorised.
 
-    dimension = search.problem.dimension
+    What is beyond the limits gets a value above all others, by how far it is.
+    """
+    from scipy.optimize import differential_evolution
+
     generation = 0
 
-    def values(designs: Array) -> Array:
-        found = search.values(np.atleast_2d(designs.T))
-        if search.problem.excess is None:
-            search.offer(np.atleast_2d(designs.T), found, np.zeros(len(found)))
-        return np.minimum(found, _LARGE)
-
-    def excess(designs: Array) -> Array:
+    def ranked(designs: Array) -> Array:
         rows = np.atleast_2d(designs.T)
-        over = search.excesses(rows)
-        for row in np.flatnonzero(over <= search.excess):
-            one = rows[row : row + 1]
-            search.offer(one, search.values(one), over[row : row + 1])
-        return over.reshape((1, -1) if designs.ndim > 1 else 1)
+        found, over = search.values(rows), search.excesses(rows)
+        search.offer(rows, found, over)
+        return np.where(over > 0, np.clip(_BEYOND * over, _LEAST_BEYOND, _LARGE), np.minimum(found, _MOST_WITHIN))
 
     def done(*_: object, **__: object) -> None:
         nonlocal generation
         generation += 1
         search.step(generation, iterations)
 
-    first = rng.uniform(LEAST, MOST, (max(particles, 5), dimension))
+    first = rng.uniform(LEAST, MOST, (max(particles, 5), search.problem.dimension))
     first[0] = start
-    limits = () if search.problem.excess is None else (NonlinearConstraint(excess, -math.inf, 0.0),)
     differential_evolution(
-        values,
-        [(LEAST, MOST)] * dimension,
+        ranked,
+        [(LEAST, MOST)] * search.problem.dimension,
         maxiter=iterations,
         init=first,
         seed=rng,
@@ -174,6 +193,5 @@ def evolution(search: Search, start: Array, particles: int, iterations: int, rng
         polish=False,
         updating="deferred",
         vectorized=True,
-        constraints=limits,
         callback=done,
     )

@@ -18,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Numbers = NDArray[Any]
+_STILL = 1e-24  # of the square of the other boundary's speed
+
 Form = tuple[tuple[float, int, int], ...]
 
 
@@ -110,16 +112,16 @@ PATCH: dict[str, Integrand] = {
 }
 
 
-def _over(numerator: Numbers, denominator: Numbers) -> Numbers:
-    """The quotient; 0 where the denominator is, as at a boundary that is a point."""
-    gone = denominator == 0
-    return np.asarray(np.where(gone, 0.0, numerator / np.where(gone, 1.0, denominator)))
+def _of_lines(a: Numbers, b: Numbers, values: Numbers) -> Numbers:
+    """The values; 0 where a boundary stands still but for rounding, as at the apex of a cone: nothing twists there."""
+    first, second = np.real(_dot(a, a)), np.real(_dot(b, b))
+    return np.asarray(np.where(np.minimum(first, second) <= _STILL * np.maximum(first, second), 0.0, values))
 
 
 def _developability(jets: Numbers) -> Numbers:
     a, b, across = jets
     volume = _dot(np.cross(a, b), across)
-    return _over(volume**2, _dot(a, a) * _dot(b, b) * _dot(across, across))
+    return _of_lines(a, b, volume**2 / (_dot(a, a) * _dot(b, b) * _dot(across, across)))
 
 
 def _twist(jets: Numbers) -> Numbers:
@@ -127,9 +129,9 @@ def _twist(jets: Numbers) -> Numbers:
     a, b, across = jets
     sine = np.sqrt(_dot(across, across)) * _dot(np.cross(a, b), across)
     cosine = _dot(np.cross(across, a), np.cross(across, b))
-    angle = 2 * np.arctan(_over(sine, np.sqrt(sine**2 + cosine**2) + cosine))
+    angle = 2 * np.arctan(sine / (np.sqrt(sine**2 + cosine**2) + cosine))
     turned_over = (sine == 0) & (np.real(cosine) < 0)
-    return np.asarray(np.where(turned_over, math.pi, angle) ** 2)
+    return _of_lines(a, b, np.where(turned_over, math.pi, angle) ** 2)
 
 
 STRIP: dict[str, Integrand] = {

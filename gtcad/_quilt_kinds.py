@@ -11,6 +11,14 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationInfo
 
 from gtcad import _checks as checks
 from gtcad._curve_kinds import CurveName
+from gtcad._developable_kinds import (
+    DEVELOPABLE_ENTRIES,
+    EnvelopingEntry,
+    GeodesicDevelopableEntry,
+    QuasiDevelopableEntry,
+    SpineDevelopableEntry,
+    developable_data,
+)
 from gtcad._documents import Location, Problem, shown
 from gtcad._entries import INLINE, NAMED, ShapeEntry, Shapes, Strict, Yes
 from gtcad._minimal_kinds import MINIMAL_ENTRIES, PlateauEntry, TBCoonsEntry, minimal_data
@@ -47,7 +55,7 @@ def _tag(value: Any) -> str | None:
     return f"{INLINE}{kind}" if isinstance(kind, str) else None
 
 
-PATCHES = ("surface", *PATCH_ENTRIES, *MINIMAL_ENTRIES)
+PATCHES = ("surface", *PATCH_ENTRIES, *MINIMAL_ENTRIES, *DEVELOPABLE_ENTRIES)
 
 
 def _patch(value: Any, info: ValidationInfo) -> Any:
@@ -83,7 +91,11 @@ PatchField = Annotated[
     | Annotated[LoftedEntry, Tag(f"{INLINE}lofted")]
     | Annotated[CoonsEntry, Tag(f"{INLINE}coons")]
     | Annotated[PlateauEntry, Tag(f"{INLINE}plateau")]
-    | Annotated[TBCoonsEntry, Tag(f"{INLINE}tb_coons")],
+    | Annotated[TBCoonsEntry, Tag(f"{INLINE}tb_coons")]
+    | Annotated[EnvelopingEntry, Tag(f"{INLINE}enveloping")]
+    | Annotated[SpineDevelopableEntry, Tag(f"{INLINE}spine-developable")]
+    | Annotated[GeodesicDevelopableEntry, Tag(f"{INLINE}geodesic-developable")]
+    | Annotated[QuasiDevelopableEntry, Tag(f"{INLINE}quasi-developable")],
     Discriminator(_tag),
     BeforeValidator(_patch),
 ]
@@ -220,13 +232,11 @@ def quilt_data(quilt: Quilt) -> dict[str, Any] | None:
     """The fields of a quilt, or None when a model file cannot hold a patch of it."""
     entries = []
     for name, patch in zip(quilt.names, quilt.patches, strict=True):
-        found = minimal_data(patch) or patch_data(patch)
-        if found is None:
-            fields = surface_data(patch)
-            if fields is None:
-                return None
-            found = "surface", fields
-        kind, fields = found
+        kind, fields = (
+            minimal_data(patch) or patch_data(patch) or developable_data(patch) or ("surface", surface_data(patch))
+        )
+        if fields is None:
+            return None
         entries.append({"name": name, "kind": kind} | fields)
     gap = max(quilt.gaps, default=0.0)
     rounding = SAME * max(float(np.abs(patch.coefficients).max()) for patch in quilt.patches)

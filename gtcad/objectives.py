@@ -36,6 +36,7 @@ from numpy.typing import ArrayLike, NDArray
 from gtcad._design_space import AffineSamples, DesignSpace, Numbers, Sampler
 from gtcad._extremal_space import ExtremalSpace
 from gtcad._integrands import CURVE, PATCH, STRIP, Integrand, regression_jets
+from gtcad.chebyshev import gauss_legendre
 from gtcad.errors import GtcadError, InputError
 from gtcad.measure import Estimate
 from gtcad.patches.developable import (
@@ -331,7 +332,7 @@ def _subject(space: DesignSpace, objective: str) -> _Subject:
 
 def _rule(subject: _Subject, objective: str, factor: int) -> tuple[Sampler, Array, Integrand]:
     """How to sample derivatives, the weights of the nodes, and what is integrated."""
-    x, w = np.polynomial.legendre.leggauss(NODES[subject.kind] * factor)
+    x, w = gauss_legendre(NODES[subject.kind] * factor)
     t, weights = (x + 1) / 2, w / 2
     if subject.kind == "patch":
         integrand = PATCH[objective]

@@ -257,7 +257,8 @@ class _Limits:
             shape = self.space.shape_at(design)
         except GtcadError:
             return math.inf
-        return sum(max(0.0, _number(f"constraints[{k}]", one(shape))) for k, one in enumerate(self.constraints))
+        found = [_number(f"constraints[{k}]", one(shape)) for k, one in enumerate(self.constraints)]
+        return math.inf if any(map(math.isnan, found)) else sum(value for value in found if value > 0)
 
 
 def _number(name: str, value: Any) -> float:

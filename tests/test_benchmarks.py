@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
+from gtcad.patches.minimal import dirichlet_energies
 from tests import pieces
-from tests.benchmarks import limit, workload
+from tests.benchmarks import limit, minimal, workload
 from tests.benchmarks.timing import table
 
 
@@ -38,6 +39,13 @@ def test_the_limit_lies_between_its_bounds():
     found, ended = limit.fewest_poles(curve, 3, 1e-2, 9, 60.0)
     assert ended
     assert limit.least_poles(curve, 3, 1e-2) <= found <= 9
+
+
+def test_the_plain_loop_finds_the_same_energies():
+    rng = np.random.default_rng(2)
+    net, gammas = rng.normal(size=(4, 5, 3)), rng.uniform(-1, 1, (9, 4))
+    loop = [minimal.plain_energy(net, gamma) for gamma in gammas]
+    assert dirichlet_energies(net, gammas) == pytest.approx(loop, rel=1e-12)
 
 
 def test_tables_are_markdown():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import io
 import math
 import re
@@ -83,6 +84,8 @@ def test_examples_run_and_print_what_the_page_shows(page: Path, folder: Path) ->
     namespace: dict[str, object] = {"__name__": "__main__"}  # examples of a page go on from those above
     printed: list[str] = []
     for block in blocks(page):
+        if "import cadquery" in block.text and importlib.util.find_spec("cadquery") is None:
+            continue  # it only goes with OCCT 7.9
         if block.language == "python":
             output = io.StringIO()
             with contextlib.redirect_stdout(output):

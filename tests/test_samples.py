@@ -29,7 +29,8 @@ from gtcad.composite import Composite
 from gtcad.continuity import parsed_order
 from gtcad.converters import BSplineCurve, BSplineSurface, jobs
 from gtcad.converters.check import check_parts
-from gtcad.differential import curvature, normal, tangent
+from gtcad.differential import curvature, mean_curvature, normal, tangent
+from gtcad.measure import area
 from gtcad.model import Model
 from gtcad.patch_joins import check_edge
 from gtcad.patches import Rotation, Sweep
@@ -124,7 +125,8 @@ def test_there_are_enough_models_of_both_formats() -> None:
     assert {path.suffix for path in MODELS} == {".json", ".toml"}
     assert {document(path)["unit"] for path in MODELS} == {"mm", "m", "in"}
     shapes = [shape for path in MODELS for shape in document(path)["shape"]]
-    assert {shape["kind"] for shape in shapes} == {"composite", "curve", "quilt", "solid", "surface"}
+    kinds = {"composite", "curve", "quilt", "solid", "surface", "plateau", "tb_coons"}
+    assert {shape["kind"] for shape in shapes} == kinds
     assert any("range" in shape for shape in shapes)
 
 
@@ -224,6 +226,53 @@ def test_the_strokes_of_the_letter_are_those_of_a_nib_that_is_pressed() -> None:
         across = tangent(leg.pieces[0], 0.5) @ [[0, 1], [-1, 0]]
         width = (leg.pieces[4].evaluate(0.5) - leg.pieces[0].evaluate(0.5)) @ across
         assert width > 1.05 * nib @ across > 10
+
+
+# --- minimal patches ----------------------------------------------------------------------------------------------
+
+
+def least_mean_curvature(stem: str, name: str) -> float:
+    """The largest |H| times the diagonal of the patch, away from the corners."""
+    t = np.linspace(0.1, 0.9, 65)
+    patch: Any = sample(stem)[name]
+    size = np.linalg.norm(np.ptp(patch.evaluate(t[:, None], t[None, :]).reshape(-1, 3), axis=0))
+    return float(abs(mean_curvature(patch, t[:, None], t[None, :])).max() * size)
+
+
+def test_the_films_are_minimal() -> None:
+    assert least_mean_curvature("skew-quadrilateral", "film") < 1e-3
+    assert least_mean_curvature("catenoid-strip", "catenoid strip") < 1e-4
+    film = sample("skew-quadrilateral")["film"]
+    assert math.isclose(area(film) / 100**2, 1.27926157117, rel_tol=1e-9)
+
+
+def test_the_catenoid_strip_is_one() -> None:
+    strip: Any = sample("catenoid-strip")["catenoid strip"]
+    x, y, z = np.moveaxis(strip.evaluate(np.linspace(0, 1, 41)[:, None], np.linspace(0, 1, 41)[None, :]), -1, 0)
+    assert np.abs(np.hypot(x, y) - 40 * np.cosh(z / 40)).max() < 2e-6
+
+
+def test_the_tent_stands_on_its_ribs() -> None:
+    tent = quilt_of(body("tent-roof"))
+    assert len(tent.edges) == 4
+    assert [edge.order for edge in tent.edges] == ["C0"] * 4
+    for name in tent.names:
+        assert least_mean_curvature("tent-roof", name) < 0.05
+    heights = [patch.evaluate(0.0, 0.0)[2] for patch in tent.patches]
+    assert heights == [5.5] * 4
+
+
+def test_the_blend_leaves_its_handle_and_its_plate_tangentially() -> None:
+    blend: Any = sample("handle-blend")["blend"]
+    drawn = document(ROOT / "samples" / "handle-blend.toml")["shape"][0]
+    free = {tuple(pair) for pair in drawn["free"]}
+    for name in ("d0", "d1"):
+        points = np.array(drawn[name]["control_points"])
+        moved = np.linalg.norm(getattr(blend, name).control_points - points, axis=1)
+        assert {(name, int(k)) for k in np.flatnonzero(moved)} == {pair for pair in free if pair[0] == name}
+        rail = getattr(blend, name)
+        assert np.allclose(tangent(rail, 0.0), [0, 0, -1])
+        assert abs(tangent(rail, 1.0)[2]) < 1e-12
 
 
 # --- bodies -------------------------------------------------------------------------------------------------------

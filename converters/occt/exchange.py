@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 import os
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from datetime import datetime
@@ -309,6 +310,21 @@ def file_bytes(path: str | os.PathLike[str]) -> bytes:
     if not data:
         raise FileError(str(path), "is empty")
     return data
+
+
+_HUGE = re.compile(rb"[0-9.](?!D[0-9]{7}[\r\n])[EeDd]\+?0*[1-9][0-9]{2,}")  # D0000100 ends a line of IGES
+
+
+def refuse_huge_numbers(path: str | os.PathLike[str], data: bytes) -> None:
+    """Refuse a STEP or IGES file with numbers of 1e100 or more, which the kernel hangs on.
+
+    Raises
+    ------
+    FileError
+        When there is one.
+    """
+    if _HUGE.search(data):
+        raise FileError(str(path), "holds a number of 1e+100 or more")
 
 
 def items_of(parts: Sequence[Part], *, halved_ellipses: bool = False) -> list[Item]:

@@ -19,8 +19,11 @@ _BRepBuilderAPI = kernel_module("BRepBuilderAPI")
 _BRepExtrema = kernel_module("BRepExtrema")
 _BRepTools = kernel_module("BRepTools").BRepTools
 _BRepTopAdaptor = kernel_module("BRepTopAdaptor")
+_ShapeAnalysis = kernel_module("ShapeAnalysis")
 _TopAbs = kernel_module("TopAbs")
 _gp = kernel_module("gp")
+
+Bounds = tuple[float, float]
 
 _SAME = 1e-9  # relative: parameters and points of the kernel's surface and of its spline that are the same
 _LEAST = 1e-6  # of the domain: a rectangle as thin as this is none
@@ -35,7 +38,7 @@ def region_of(face: Any, spline: BSplineSurface) -> Region:
     same = _same_parameters(surface, bounds, spline)
     return Region(
         _rectangle(face, bounds, spline) if same else None,
-        partial(_inside, face) if same else None,
+        partial(_inside, face) if same else partial(_inside_by_points, face, spline),
         partial(_sampled, face, surface, bounds),
         partial(_feet, face),
     )
@@ -55,23 +58,33 @@ def _same_parameters(surface: Any, bounds: tuple[float, ...], spline: BSplineSur
 
 def _rectangle(
     face: Any, bounds: tuple[float, float, float, float], spline: BSplineSurface
-) -> tuple[tuple[float, float], tuple[float, float]] | None:
+) -> tuple[Bounds, Bounds] | None:
     if not fills(face, bounds):
         return None
-    ends = []
-    for (first, last), a, b in zip(spline.domain, bounds[::2], bounds[1::2], strict=True):
-        slack = _SAME * (last - first)
-        a, b = (first if abs(a - first) <= slack else a), (last if abs(b - last) <= slack else b)
-        if not first <= a < b <= last or b - a <= _LEAST * (last - first):
-            return None
-        ends.append((a, b))
-    return ends[0], ends[1]
+    u, v = _within(bounds[:2], spline.domain[0]), _within(bounds[2:], spline.domain[1])
+    return None if u is None or v is None else (u, v)
+
+
+def _within(ends: Bounds, domain: Bounds) -> Bounds | None:
+    """The ends, those of the domain where they are these but for rounding; None when they leave it or nearly meet."""
+    slack = _SAME * (domain[1] - domain[0])
+    a, b = (own if abs(end - own) <= slack else end for end, own in zip(ends, domain, strict=True))
+    fine = domain[0] <= a and b <= domain[1] and b - a > _LEAST * (domain[1] - domain[0])
+    return (a, b) if fine else None
 
 
 def _inside(face: Any, places: Array) -> NDArray[np.bool_]:
     classifier = _BRepTopAdaptor.BRepTopAdaptor_FClass2d(face, _SAME)
     outside = _TopAbs.TopAbs_OUT
     return np.array([classifier.Perform(_gp.gp_Pnt2d(u, v)) != outside for u, v in places.tolist()], dtype=bool)
+
+
+def _inside_by_points(face: Any, spline: BSplineSurface, places: Array) -> NDArray[np.bool_]:
+    """Of a surface with other parameters than its spline: points have the same ones."""
+    surface = _ShapeAnalysis.ShapeAnalysis_Surface(_BRep.BRep_Tool.Surface_s(face))
+    points = spline.evaluate(places[:, 0], places[:, 1]).tolist()
+    found = (surface.ValueOfUV(_gp.gp_Pnt(*point), _SAME) for point in points)
+    return _inside(face, np.array([(uv.X(), uv.Y()) for uv in found]).reshape(-1, 2))
 
 
 def _sampled(face: Any, surface: Any, bounds: tuple[float, float, float, float], lines: int) -> Array:

@@ -19,7 +19,7 @@ from gtcad.patches._definitions import (
     TangentDirection,
     centred,
 )
-from gtcad.patches._developable import Developable, refuse_zero
+from gtcad.patches._developable import STILL, Developable, refuse_zero
 from gtcad.patches._patch import (
     Rows,
     checked_curves,
@@ -223,23 +223,19 @@ def _bends(curve: SeparableCurve, t: Array) -> Taylor:
 def _refuse_straight(curve: SeparableCurve, name: str) -> None:
     t = np.linspace(0, 1, 129)
     first, second = (float(np.linalg.norm(curve.derivative(t, order), axis=1).max()) for order in (1, 2))
-    refuse_zero(f"the speed of the {name} vanishes", curve.derivative, max(first, 1e-300))
-    refuse_zero(f"the curvature of the {name} vanishes", lambda t: _bends(curve, t).values, max(first * second, 1e-300))
+    refuse_zero(f"the speed of the {name} vanishes", curve.derivative, first)
+    bend = first * max(second, STILL * first)
+    refuse_zero(f"the curvature of the {name} vanishes", lambda t: _bends(curve, t).values, bend)
 
 
 def _refuse_still(family: PlaneFamily) -> None:
     """Refuse planes whose edge of regression is not regular."""
     t, planes = np.linspace(0, 1, 129), family.planes()
     n, slope, bend = (float(np.linalg.norm(planes.normals.derivative(t, order), axis=1).max()) for order in range(3))
+    slope, bend = max(slope, STILL * n), max(bend, STILL * n)
     refuse_zero("a plane of the family has no normal", planes.normals.evaluate, n)
-    refuse_zero(
-        "a plane of the family does not turn",
-        lambda t: planes.rulings(Taylor.at(t, 1)).values,
-        max(n * slope, 1e-300),
-    )
-    refuse_zero(
-        "the edge of regression is at infinity", Cut(0.0, planes, None).determinant, max(n * slope * bend, 1e-300)
-    )
+    refuse_zero("a plane of the family does not turn", lambda t: planes.rulings(Taylor.at(t, 1)).values, n * slope)
+    refuse_zero("the edge of regression is at infinity", Cut(0.0, planes, None).determinant, n * slope * bend)
 
 
 def _checked_distances(value: Sequence[float]) -> Distances:

@@ -100,28 +100,36 @@ class Cut(Definition):
     planes: Planes
     other: Planes | SeparableCurve | None
 
-    def parts(self, at: At[F]) -> tuple[F, F]:
-        """Numerator ``d (n' x m) + d' (m x n) + e (n x n')`` and determinant ``(n x n').m``."""
+    def _equations(self, at: At[F]) -> tuple[tuple[F, F, F], tuple[F, F, F]]:
+        """The rows n, n', m and the right sides d, d', e."""
         n, slope = (at(self.planes.normals, order) for order in (0, 1))
         d, rate = (at(self.planes.offsets, order) for order in (0, 1))
-        ruling = n.cross(slope)
         if isinstance(self.other, Planes):
             m, e = at(self.other.normals, 0), at(self.other.offsets, 0)
         elif self.other is None:
             m, e = at(self.planes.normals, 2), at(self.planes.offsets, 2)
         else:
-            m, e = ruling, ruling.dot(at(self.other, 0))
-        numerator = slope.cross(m).times(d) + m.cross(n).times(rate) + ruling.times(e)
-        return numerator, ruling.dot(m)
+            m = n.cross(slope)
+            e = m.dot(at(self.other, 0))
+        return (n, slope, m), (d, rate, e)
+
+    def parts(self, at: At[F]) -> tuple[F, F]:
+        """Numerator ``d (n' x m) + d' (m x n) + e (n x n')`` and determinant ``(n x n').m``."""
+        rows, right = self._equations(at)
+        return _numerator(rows, right), rows[0].cross(rows[1]).dot(rows[2])
 
     def determinant(self, t: Array) -> Array:
         """``(n x n').m`` at flat parameters."""
         return self.parts(Taylor.at(t, 1))[1].terms[0, :, 0]
 
     def taylor(self, t: Array, count: int) -> Taylor:
-        """The points."""
-        numerator, determinant = self.parts(Taylor.at(t, count))
-        return numerator.over(determinant)
+        """The points; a second solution, for the residuals of the first, keeps them in both planes."""
+        rows, right = self._equations(Taylor.at(t, count))
+        determinant = rows[0].cross(rows[1]).dot(rows[2])
+        first = _numerator(rows, right).over(determinant)
+        (n, slope, m), (d, rate, e) = rows, right
+        missed = d - n.dot(first), rate - slope.dot(first), e - m.dot(first)
+        return first + _numerator(rows, missed).over(determinant)
 
     def _bound(self, curve: CurveOfTerms, spans: int) -> float:
         at = self._at(spans)
@@ -130,6 +138,12 @@ class Cut(Definition):
         if not least.all():
             return math.inf
         return (at(curve, 0).times(determinant) - numerator).largest(least)
+
+
+def _numerator(rows: tuple[F, F, F], right: tuple[F, F, F]) -> F:
+    """By Cramer's rule."""
+    (n, slope, m), (d, rate, e) = rows, right
+    return slope.cross(m).times(d) + m.cross(n).times(rate) + n.cross(slope).times(e)
 
 
 @dataclass(frozen=True)

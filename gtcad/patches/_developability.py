@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from gtcad.factors import Constant, CurveOfTerms, WithIsoparametrics, constant_t
 from gtcad.patches._definitions import constant
 from gtcad.patches._developable import Developable
 from gtcad.patches._moving_frames import proved_bound
-from gtcad.patches._singular import highest, zeros
+from gtcad.patches._singular import highest, kept, zeros
 from gtcad.patches._twist import twist_bound
 from gtcad.polynomial import Spanned
 from gtcad.protocol import SeparableCurve, SeparableSurface
@@ -109,12 +110,12 @@ def developability(patch: SeparableSurface) -> Developability:
     >>> round(report.twist_deg, 9), report.twist_t
     (45.0, 0.0)
     """
-    if not isinstance(patch, WithIsoparametrics) or patch.factors_v.derivative_bound(2) != 0:
+    if not isinstance(patch, SeparableSurface) or patch.factors_v.derivative_bound(2) != 0:
         raise InputError(f"patch must be linear in v, got {type(patch).__name__}")
     if patch.dimension != 3:
         raise InputError(f"patch must lie in space, got dimension {patch.dimension}")
-    a, b = (_still(patch.boundary(side)) for side in ("v0", "v1"))
-    source: _Source = (lambda t: _exact(patch, t)) if isinstance(patch, Developable) else (lambda t: _of(a, b, t))
+    a, b = (_still(_boundary(patch, v)) for v in (0.0, 1.0))
+    source = kept(partial(_exact, patch)) if isinstance(patch, Developable) else kept(partial(_of, a, b))
     determinant_t, determinant = highest(lambda t: _determinants(source(t)))
     twist_t, twist = highest(lambda t: _angles(source(t)))
     regression_t, far = highest(lambda t: -_beyond(source(t)))
@@ -133,6 +134,13 @@ def developability(patch: SeparableSurface) -> Developability:
     )
 
 
+def _boundary(patch: SeparableSurface, v: float) -> CurveOfTerms:
+    if isinstance(patch, WithIsoparametrics):
+        return patch.isoparametric(v=v)
+    row = patch.factors_v.rows(np.array([v]))[:, 0]
+    return CurveOfTerms(patch.factors_u, np.einsum("ijd,j->id", patch.coefficients, row))
+
+
 def _still(curve: CurveOfTerms) -> CurveOfTerms:
     """The curve, or if it is known to be one point, that."""
     factors, weights = constant_term(curve.factors)
@@ -141,15 +149,19 @@ def _still(curve: CurveOfTerms) -> CurveOfTerms:
 
 
 def _of(a: SeparableCurve, b: SeparableCurve, t: Array) -> _Rulings:
-    slopes, along = (a.derivative(t), b.derivative(t)), b.evaluate(t) - a.evaluate(t)
+    start, end = (np.stack([curve.derivative(t, order) for order in (0, 1)]) for curve in (a, b))
+    return _rulings(start, end)
+
+
+def _rulings(a: Array, b: Array) -> _Rulings:
+    along = np.asarray(b[0] - a[0])
     unit = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), _TINY)
-    return _Rulings(slopes, along, (np.cross(slopes[0], unit), np.cross(slopes[1], unit)))
+    return _Rulings((a[1], b[1]), along, (np.cross(a[1], unit), np.cross(b[1], unit)))
 
 
 def _exact(patch: Developable, t: Array) -> _Rulings:
-    (a, b), slopes = patch.exact_boundaries(t), patch.exact_boundaries(t, 1)
-    unit = patch.ruling(t).direction
-    return _Rulings(slopes, b - a, (np.cross(slopes[0], unit), np.cross(slopes[1], unit)))
+    a, b = patch.exact_derivatives(t, 1)
+    return _rulings(a, b)
 
 
 def _bound(a: SeparableCurve, b: SeparableCurve, spans: int) -> float:

@@ -15,10 +15,11 @@ from gtcad.errors import SingularDevelopable
 from gtcad.factors import CurveOfTerms, SurfaceOfTerms
 from gtcad.patches._definitions import Edge
 from gtcad.patches._patch import LINEAR, Patch, Rows, placed
-from gtcad.patches._singular import VANISHES, first_zero
+from gtcad.patches._singular import VANISHES, first_zero, kept
 
 Array = NDArray[np.float64]
 
+STILL = 1e-6  # of the size: a change as small in all is no scale to measure by
 _AT_INFINITY = 1e-12  # relative difference of the stretches of two boundaries that is rounding
 
 
@@ -100,15 +101,19 @@ class Developable(Patch):
             When a parameter is outside [0, 1] or the order is not a whole number from 0.
         """
         order, t = checked_order("order", order), checked_parameters("t", t)
-        a, b = (self._placed(edge, t.reshape(-1), order).reshape(*t.shape, -1) for edge in self._edges)
+        a, b = (one[order].reshape(*t.shape, -1) for one in self.exact_derivatives(t.reshape(-1), order))
         return a, b
 
-    def _placed(self, edge: Edge, t: Array, order: int) -> Array:
-        values = edge.taylor(t, order + 1).derivative(order)
-        if self.placement is None:
-            return values
-        rows = np.array(self.placement)
-        return np.asarray(values @ rows[:, :3].T + (rows[:, 3] if order == 0 else 0.0))
+    def exact_derivatives(self, t: Array, order: int) -> tuple[Array, Array]:
+        """Derivatives 0..order of both at flat parameters, each of shape (order + 1, t.size, d)."""
+        a, b = (edge.taylor(t, order + 1) for edge in self._edges)
+        both = [np.stack([one.derivative(k) for k in range(order + 1)]) for one in (a, b)]
+        if self.placement is not None:
+            rows = np.array(self.placement)
+            both = [one @ rows[:, :3].T for one in both]
+            for one in both:
+                one[0] += rows[:, 3]
+        return both[0], both[1]
 
     def normal(self, t: ArrayLike) -> Array:
         """Unit normals of the tangent planes by definition, on the side of S_u x S_v, shape t.shape + (3,).
@@ -175,10 +180,10 @@ class Developable(Patch):
         start, end = (edge.taylor(t, 2).terms for edge in self._edges)
         along = end[0] - start[0]
         refuse_zero("the boundaries meet", self._gap, float(np.linalg.norm(along, axis=1).max()))
-        crossings = []
+        crossings, stretches = [], kept(self._stretches)
         for index, one in enumerate((start, end)):
             scale = float(np.linalg.norm(one[1], axis=1).max())
-            zero = first_zero(lambda t, index=index: self._stretches(t)[index], scale)  # type: ignore[misc]
+            zero = first_zero(lambda t, index=index: stretches(t)[index], scale)  # type: ignore[misc]
             crossings += [] if zero is None else [zero]
         first, second = self._stretches(np.zeros(1))
         if first[0] * second[0] < 0:

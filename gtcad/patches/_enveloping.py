@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gtcad.errors import InputError
 from gtcad.patches._definitions import Cut, Edge, Planes, constant
-from gtcad.patches._developable import Developable, refuse_zero
+from gtcad.patches._developable import STILL, Developable, refuse_zero
 from gtcad.patches._patch import Rows, checked_placement, followed, handedness, in_space
 from gtcad.patches._plane_family import PlaneFamily, checked_plane, moved_planes
 from gtcad.patches._singular import highest
@@ -105,7 +105,7 @@ class Enveloping(Developable):
         t = np.linspace(0, 1, 129)
         n, slope = (np.linalg.norm(self._planes.normals.derivative(t, order), axis=1).max() for order in (0, 1))
         refuse_zero("a plane of the family has no normal", self._planes.normals.evaluate, float(n))
-        refuse_zero("a plane of the family does not turn", self._rulings, max(float(n * slope), 1e-300))
+        refuse_zero("a plane of the family does not turn", self._rulings, float(n * max(slope, STILL * n)))
         for name, bound in (("bound_a", self.bound_a), ("bound_b", self.bound_b)):
             if not isinstance(bound, SeparableCurve):
                 size = float(np.linalg.norm(bound[:3]))

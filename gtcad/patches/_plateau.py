@@ -96,7 +96,7 @@ class Plateau(Coons):
     @property
     def contour(self) -> Coons:
         """The Coons patch of the boundary."""
-        return Coons(self.c0, self.c1, self.d0, self.d1)
+        return Coons(*sides_of(self))
 
     def _summands(self) -> list[Term]:
         padded = np.pad(self.interior, ((1, 1), (1, 1), (0, 0)))
@@ -104,12 +104,12 @@ class Plateau(Coons):
 
     def with_interior(self, interior: ArrayLike) -> Plateau:
         """The patch over the same contour with other Q."""
-        return Plateau(self.c0, self.c1, self.d0, self.d1, interior, self.gamma_u, self.gamma_v, self.family)
+        return Plateau(*sides_of(self), interior, self.gamma_u, self.gamma_v, self.family)
 
     def transformed(self, matrix: ArrayLike, translation: ArrayLike | None = None) -> Plateau:
         """The affine image: points x become ``matrix @ x + translation``."""
-        curves = (curve.transformed(matrix, translation) for curve in (self.c0, self.c1, self.d0, self.d1))
-        return Plateau(*curves, affine(self.interior, matrix, None), self.gamma_u, self.gamma_v, self.family)
+        c0, c1, d0, d1 = (curve.transformed(matrix, translation) for curve in sides_of(self))
+        return Plateau(c0, c1, d0, d1, affine(self.interior, matrix, None), self.gamma_u, self.gamma_v, self.family)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Plateau):
@@ -121,16 +121,14 @@ class Plateau(Coons):
 
     def _key(self) -> tuple[object, ...]:
         points = (self.interior + 0.0).tobytes()  # -0.0 equals 0.0
-        curves = (self.c0, self.c1, self.d0, self.d1)
-        return (*curves, self.interior.shape, points, self.gamma_u, self.gamma_v, self.family)
+        return (*sides_of(self), self.interior.shape, points, self.gamma_u, self.gamma_v, self.family)
 
     def __repr__(self) -> str:
         n, m = self.degrees
         return f"Plateau({self.family.name}, degrees=({n}, {m}), gamma_u={self.gamma_u}, gamma_v={self.gamma_v})"
 
     def __reduce__(self) -> tuple[object, ...]:
-        curves = (self.c0, self.c1, self.d0, self.d1)
-        return Plateau, (*curves, self.interior, self.gamma_u, self.gamma_v, self.family)
+        return Plateau, (*sides_of(self), self.interior, self.gamma_u, self.gamma_v, self.family)
 
 
 def setting_of(surface: SeparableSurface) -> Setting:

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
+Kept = TypeVar("Kept")
 
 _SAMPLES = 1025
 _STEP = 1 / (_SAMPLES - 1)
 VANISHES = 1e-9  # of the scale
 _WORTH_A_LOOK = 0.05  # of the scale: a sample below may be next to a zero
 _ROUNDS = 14
+_FEW_ROUNDS = 3  # enough for a maximum, which is flat
+_SINKS = 0.9  # of the size in one round, or it has a least value above 0
 
 
 def zeros(function: Function, scale: float) -> list[float]:
@@ -31,6 +35,8 @@ def zeros(function: Function, scale: float) -> list[float]:
     """
     t = np.linspace(0, 1, _SAMPLES)
     values = function(t)
+    if _sizes(values).max() <= VANISHES * scale:
+        return [0.0]  # everywhere
     found = []
     if values.ndim == 1:
         changes = np.flatnonzero(values[:-1] * values[1:] < 0)
@@ -59,35 +65,52 @@ def _dips(t: Array, sizes: Array, level: float) -> list[tuple[float, float]]:
 
 
 def _lowest(function: Function, low: float, high: float) -> tuple[float, float]:
-    """Where the size is least, and that size: nested intervals."""
+    """Where the size is least, and that size: nested intervals, given up where the least does not go down to 0."""
+    before = np.inf
     for _ in range(_ROUNDS):
         t = np.linspace(low, high, 33)
         sizes = _sizes(function(t))
         k = int(sizes.argmin())
-        low, high = float(t[max(k - 1, 0)]), float(t[min(k + 1, 32)])
+        if sizes[k] > _SINKS * before:
+            break
+        low, high, before = float(t[max(k - 1, 0)]), float(t[min(k + 1, 32)]), float(sizes[k])
     return float(t[k]), float(sizes[k])
 
 
 def _bracketed(function: Function, low: float, high: float) -> float:
     from scipy.optimize import brentq
 
-    return float(brentq(lambda t: float(function(np.array([t]))[0]), low, high, xtol=1e-15))
+    def value(t: float) -> float:
+        return float(function(np.array([t]))[0])
 
-
-def lowest(function: Function) -> tuple[float, float]:
-    """Where the size of a function is least on [0, 1], from samples, and that size."""
-    t = np.linspace(0, 1, _SAMPLES)
-    k = int(_sizes(function(t)).argmin())
-    return _lowest(function, float(t[max(k - 1, 0)]), float(t[min(k + 1, _SAMPLES - 1)]))
+    start, end = value(low), value(high)
+    if not start * end < 0:  # values one at a time are rounded otherwise than many at once: an end is the zero
+        return low if abs(start) < abs(end) else high
+    return float(brentq(value, low, high, xtol=1e-15))
 
 
 def highest(function: Function) -> tuple[float, float]:
     """Where the values of a function are largest on [0, 1], from samples, and that value."""
     t = np.linspace(0, 1, _SAMPLES)
     values = function(t)
-    for _ in range(_ROUNDS):
+    for _ in range(_FEW_ROUNDS):
         k = int(values.argmax())
         t = np.linspace(t[max(k - 1, 0)], t[min(k + 1, t.size - 1)], 33)
         values = function(t)
     k = int(values.argmax())
     return float(t[k]), float(values[k])
+
+
+def kept(source: Callable[[Array], Kept]) -> Callable[[Array], Kept]:
+    """The same function, which remembers its values on the samples: several things are asked of them."""
+    samples = np.linspace(0, 1, _SAMPLES)
+    known: list[Kept] = []
+
+    def of(t: Array) -> Kept:
+        if not np.array_equal(t, samples):
+            return source(t)
+        if not known:
+            known.append(source(t))
+        return known[0]
+
+    return of

@@ -35,8 +35,9 @@ _STEEP = 1e-6  # of the root of the area: the gradient at which the minimum is r
 _GAIN = 1e-11  # relative: a step that gains less is the last one
 _ROUNDS = 200
 _MOST_CELLS = 1000
+_NOTHING = 1e-12  # of the square of the largest coordinate: an area that rounding may make
 _LEAST_TERMS, _MOST_TERMS = 4, 40
-_TAIL = 1e-2  # of the wanted accuracy: what series leave out
+_TAIL = 1e-6  # of the wanted accuracy: what series leave out, by bounds that are far from sharp
 _ROUNDING = 64 * UNIT_ROUNDOFF
 
 
@@ -238,10 +239,11 @@ def area_bounds(surface: SeparableSurface, *, rtol: float = 1e-9) -> AreaBounds:
     if not 1e-12 <= rtol < 1:
         raise InputError(f"rtol must lie in [1e-12, 1), got {rtol}")
     shape = surface if surface.dimension == 3 else surface.transformed(np.eye(3, 2))
+    nothing = _NOTHING * float(np.abs(shape.coefficients).max(initial=0.0)) ** 2
     cells = [_Cell.of(shape, (0.0, 1.0), (0.0, 1.0), rtol)]
     while True:
         lower, upper = (math.fsum(values) for values in zip(*((c.lower, c.upper) for c in cells), strict=True))
-        if upper - lower <= rtol * lower or len(cells) > _MOST_CELLS:
+        if upper - lower <= max(rtol * lower, nothing) or len(cells) > _MOST_CELLS:
             return AreaBounds(lower, upper, len(cells))
         heapq.heapify(cells)
         for _ in range(max(1, len(cells) // 8)):

@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gtcad._jets import norm
 from gtcad.basis import BERNSTEIN, GT, Family
 from gtcad.differential import mean_curvature
 from gtcad.errors import InputError
@@ -37,6 +38,7 @@ _SAME = 1e-9  # of the size: what the contours of patches may differ by
 _PLACES = np.linspace(0, 1, 9)
 _SAMPLES = 65  # in each direction, then windows of 9 x 9 around the best, each a quarter as wide
 _WINDOWS = 8
+_SINGULAR = 1e-4  # of the largest |S_u x S_v|
 
 
 def minimal_patch(
@@ -167,13 +169,15 @@ class MinimalTable:
         Raises
         ------
         InputError
-            When the patches have more than one contour, or the reference is not above 0.
+            When the patches have more than one contour, there are none, or the reference is not above 0.
         """
         if len({entry.contour for entry in self.entries}) > 1:
             raise InputError(
                 "areas are compared over one contour only, and these patches have several: with a free boundary the "
                 "curves move with design variables and family; take the boundary curves as a fixed contour"
             )
+        if not self.entries:
+            raise InputError("there are no patches to compare")
         least = min(entry.area.value for entry in self.entries) if reference is None else reference
         if not least > 0:
             raise InputError(f"reference must be above 0, got {least}")
@@ -288,7 +292,7 @@ def _same_side(first: SeparableSurface, second: SeparableSurface, side: str, gap
 def largest_mean_curvature(surface: SeparableSurface) -> float:
     """The largest |H| of a surface, in the inverse of the unit: estimated from 65 x 65 samples and finer ones.
 
-    Where the surface is singular the mean curvature is not looked at.
+    Where |S_u x S_v| is below 1e-4 of its largest value the surface is taken as singular and not looked at.
 
     Examples
     --------
@@ -301,10 +305,13 @@ def largest_mean_curvature(surface: SeparableSurface) -> float:
     if surface.dimension == 2:
         return 0.0
     u = v = np.linspace(0, 1, _SAMPLES)
-    largest = 0.0
+    largest = singular = 0.0
     for k in range(_WINDOWS + 1):
-        values = np.abs(mean_curvature(surface, u[:, None], v[None, :]))
-        values = np.where(np.isfinite(values), values, -1.0)
+        grid = u[:, None], v[None, :]
+        sizes = norm(np.cross(surface.derivative(*grid, (1, 0)), surface.derivative(*grid, (0, 1))))
+        singular = singular or _SINGULAR * float(sizes.max())
+        values = np.abs(mean_curvature(surface, *grid))
+        values = np.where(np.isfinite(values) & (sizes > singular), values, -1.0)
         best = np.unravel_index(int(values.argmax()), values.shape)
         largest = max(largest, float(values[best]))
         window = np.linspace(-1, 1, 9) / (_SAMPLES - 1) / 4**k

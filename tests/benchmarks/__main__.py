@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy
 import scipy
 
-from tests.benchmarks import comparison, evaluation, fitting, growth, patches
+from tests.benchmarks import comparison, evaluation, fitting, growth, minimal, patches
 
 PARTS = {
     "evaluation": evaluation.run,
@@ -19,6 +19,7 @@ PARTS = {
     "curves": comparison.run,
     "limit": comparison.run_limit,
     "patches": patches.run,
+    "minimal": minimal.run,
     "growth": growth.run,
 }
 

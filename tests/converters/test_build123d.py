@@ -36,8 +36,9 @@ from build123d import (  # noqa: E402 - only where it is installed
 import gtcad  # noqa: E402
 from gtcad import BERNSTEIN, Curve, Quilt, Solid, Surface  # noqa: E402
 from gtcad.composite import Composite  # noqa: E402
+from gtcad.conics import Arc  # noqa: E402
 from gtcad.converters import build123d as gt  # noqa: E402
-from gtcad.converters import build123d_faces, build123d_lines  # noqa: E402
+from gtcad.converters import build123d_faces, build123d_lines, build123d_sheets  # noqa: E402
 from gtcad.errors import ExtraMissing, InputError  # noqa: E402
 from gtcad.patches import Rotation  # noqa: E402
 
@@ -51,7 +52,7 @@ def vase(**options: Any) -> Any:
     return gt.GTSolid(Rotation(VASE, [0, 0, 0], [0, 0, 1]), caps="planar", **options)
 
 
-@pytest.mark.parametrize("module", [gt, build123d_lines, build123d_faces])
+@pytest.mark.parametrize("module", [gt, build123d_lines, build123d_faces, build123d_sheets])
 def test_examples(module: ModuleType) -> None:
     assert doctest.testmod(module).failed == 0
 
@@ -208,6 +209,21 @@ FACES: dict[str, Any] = {
         line([5, 0, 1], [5, 5, 0]),
         **o,
     ),
+    "enveloping": lambda **o: gt.GTEnveloping(
+        [(1, 0, 0, 3), (1, 1, 0, 3), (0, 1, 0, 3)], (0, 0, 1, 0), Curve([[3, 0, 4], [3, 3, 5], [0, 3, 4]]), **o
+    ),
+    "spine": lambda **o: gt.GTSpineDevelopable(Curve([[3, 0, 0], [3, 3, 1], [0, 3, 2]]), (1, 3), **o),
+    "geodesic": lambda **o: gt.GTGeodesicDevelopable(gt.GTBezier((3, 0, 0), (3, 3, 0), (0, 3, 0)), (-1, 2), **o),
+    "plateau": lambda **o: gt.GTPlateau(
+        Curve([[0, 0, 0], [2, 0, 2], [5, 0, 0]]),
+        line([0, 5, 0], [5, 5, 0]),
+        line([0, 0, 0], [0, 5, 0]),
+        line([5, 0, 0], [5, 5, 0]),
+        **o,
+    ),
+    "dirichlet": lambda **o: gt.GTDirichlet(
+        [[[x, y, np.nan if (x, y) == (5, 5) else x * y / 20] for y in (0, 5, 10)] for x in (0, 5, 10)], **o
+    ),
     "sweep": lambda **o: gt.GTSweep(Curve([[1, 0], [1, 1], [0, 1]]), Curve([[0, 0, 0], [0, 5, 9], [4, 0, 20]]), **o),
 }
 
@@ -284,6 +300,21 @@ def test_solids_of_the_other_kinds() -> None:
         gt.GTSolid(wall.exact, caps="planar")
     with pytest.raises(InputError, match="free"):
         gt.GTSolid(FACES["surface"]())
+
+
+@pytest.mark.parametrize("degree", ["auto", 5])
+def test_turned_bodies_are_hollowed_by_the_host(degree: Any) -> None:
+    side = Rotation(Curve([[20, 0, 0], [35, 0, 25], [15, 0, 50]]), [0, 0, 0], [0, 0, 1])
+    solid = gt.GTSolid(side, caps="planar", degree=degree, tolerance=1e-2)
+    top, bottom = (solid.named_face(f"cap {k}") for k in (2, 1))
+    top, bottom = (top, bottom) if top.center().Z > bottom.center().Z else (bottom, top)
+    hollow = host.offset(solid, amount=-1.5, openings=top)
+    assert hollow.is_valid
+    skin = 1.5 * (solid.area - top.area)  # the wall and the floor, but for what their curvature adds
+    assert hollow.volume == pytest.approx(skin, rel=0.06)
+    grown = host.offset(solid, amount=1)
+    assert grown.is_valid
+    assert grown.volume == pytest.approx(solid.volume + solid.area, rel=0.01)
 
 
 def test_faces_have_names_and_places() -> None:
@@ -366,7 +397,31 @@ def test_designs_come_from_edges_and_faces() -> None:
     assert gt.to_edge(design.curve).is_valid
     cylinder = host.Solid.make_cylinder(5, 10, angle=120).faces().filter_by(GeomType.CYLINDER)[0]
     patch = gt.from_face(cylinder)
-    assert gt.GTFace(patch.surface).area == pytest.approx(cylinder.area, rel=1e-3)
+    assert gt.GTFace(patch.surface).area == pytest.approx(cylinder.area, rel=1e-9)
+    rows = [[host.Vector(10 * i, 10 * j, 5 * ((i * j) % 3)) for j in range(6)] for i in range(8)]
+    waves = host.Face.make_surface_from_array_of_points(rows)
+    sheet = gt.to_shape(gt.from_face(waves, tolerance=1e-4).surface)
+    assert isinstance(sheet, host.Shell)
+    assert sheet.is_valid
+    assert sheet.area == pytest.approx(waves.area, rel=1e-3)
+
+
+def test_outlines_keep_lines_and_arcs() -> None:
+    bow = Arc([10, 0], [0, 3], [3, 0], 0, 180)
+    pieces = (SWING, *bow.pieces, Curve([[10, -3], [0, 0]], family=BERNSTEIN))
+    profile = gt.GTProfile(*pieces)
+    kinds = {GeomType.BSPLINE: 1, GeomType.CIRCLE: 1, GeomType.LINE: 1}
+    assert {kind: len(profile.edges().filter_by(kind)) for kind in kinds} == kinds
+    sides = extrude(profile, 3).faces()
+    assert len(sides.filter_by(GeomType.CYLINDER)) == 1
+    assert len(gt.GTComposite(*pieces, closed=True, exact=False).edges().filter_by(GeomType.BSPLINE)) == 4
+
+
+def test_joins_keep_their_derivatives_unless_told_otherwise() -> None:
+    edge = host.Edge.make_circle(5, start_angle=0, end_angle=100)
+    bend = [gt.GTJoin(edge, (-8, 9), (-9, 20, 4), order="G2", tolerance=1e-1, **o) for o in ({}, {"end_order": 0})]
+    gaps = [np.abs(one.fit.spline.derivative(0.0, 2) - one.exact.derivative(0.0, 2)).max() for one in bend]
+    assert gaps[0] < 1e-9 < gaps[1]
 
 
 def test_show_uses_the_viewer_when_it_is_there(monkeypatch: pytest.MonkeyPatch) -> None:

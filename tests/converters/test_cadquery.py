@@ -95,6 +95,23 @@ FACES = {  # the face, its area, the kernel's kind
     "gtRotation": (lambda: gt.gtRotation([(5, 0, 0), (5, 0, 4)]), 40 * math.pi, "CYLINDER"),
     "gtLofted": (lambda: gt.gtLofted([QUARTER, [(x, y, 4) for x, y, _ in QUARTER]]), 10 * math.pi, "CYLINDER"),
     "gtCoons": (lambda: gt.gtCoons([[(0, 0), (3, 0)], [(3, 4), (3, 0)], [(3, 4), (0, 4)], [(0, 0), (0, 4)]]), 12, None),
+    "gtEnveloping": (
+        lambda: gt.gtEnveloping([(1, 0, 0, 5), (1, 1, 0, 5), (0, 1, 0, 5)], (0, 0, 1, 0), (0, 0, 1, 4), tolerance=1e-6),
+        10 * math.pi,
+        None,
+    ),
+    "gtSpineDevelopable": (lambda: gt.gtSpineDevelopable(QUARTER, (1, 3), tolerance=1e-6), 2 * math.pi, None),
+    "gtGeodesicDevelopable": (lambda: gt.gtGeodesicDevelopable(QUARTER, (-1, 3), tolerance=1e-6), 10 * math.pi, None),
+    "gtPlateau": (
+        lambda: gt.gtPlateau([[(0, 0), (3, 0)], [(3, 4), (3, 0)], [(3, 4), (0, 4)], [(0, 0), (0, 4)]]),
+        12,
+        None,
+    ),
+    "gtDirichlet": (
+        lambda: gt.gtDirichlet([[(x, y, math.nan if x == y == 2 else 0) for y in (0, 2, 4)] for x in (0, 2, 3)]),
+        12,
+        None,
+    ),
     "gtSweep": (lambda: gt.gtSweep([(1, 0), (1, 1), (0, 1)], QUARTER), None, None),
 }
 
@@ -288,6 +305,14 @@ def test_solids_combine_like_boxes() -> None:
     assert abs(fused.val().Volume() - (1600 + 100 * math.pi)) <= 1e-3 * area
     apart = block.faces(">Z").workplane().gtSolid(tube, caps="planar", combine=False)
     assert abs(apart.val().Volume() - (100 * math.pi)) <= 1e-3 * area
+
+
+def test_turned_bodies_are_hollowed_by_the_host() -> None:
+    body = cq.Workplane().gtSolid(gt.gtRotation([(20, 0, 0), (35, 0, 25), (15, 0, 50)]), caps="planar")
+    hollow = body.faces(">Z").shell(-1.5)
+    assert hollow.val().isValid()
+    skin = 1.5 * (body.val().Area() - body.faces(">Z").val().Area())
+    assert math.isclose(hollow.val().Volume(), skin, rel_tol=0.06)
 
 
 def test_methods_are_registered_once_with_their_signatures() -> None:

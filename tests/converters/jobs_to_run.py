@@ -1,0 +1,94 @@
+"""Functions for processes of their own: each does one thing that a kernel might do."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gtcad.errors import FileError, KernelError
+
+
+def add(a: Any, b: Any) -> Any:
+    return a + b
+
+
+def sleep(seconds: float, mark: str = "") -> str:
+    """Sleep, and say so in a file before: what runs, runs under the id that it holds."""
+    if mark:
+        Path(mark).write_text(str(os.getpid()))
+    time.sleep(seconds)
+    return "awake"
+
+
+def spin() -> None:
+    while True:
+        pass
+
+
+def crash() -> None:
+    ctypes.string_at(0)
+
+
+def abort() -> None:
+    os.abort()
+
+
+def leave(code: int) -> None:
+    os._exit(code)
+
+
+def kill_oneself() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def take(size: int) -> int:
+    return len(bytearray(size))
+
+
+def refuse() -> None:
+    raise FileError("a.step", "is not a readable STEP file")
+
+
+def fail() -> None:
+    raise KernelError("it broke")
+
+
+def divide_by_zero() -> float:
+    return 1 / 0
+
+
+def chatter() -> str:
+    print("on the standard output")
+    os.write(1, b"from the kernel")
+    os.write(2, b"on the standard error")
+    return sys.stdin.read()
+
+
+def array(size: int) -> Any:
+    return {"values": np.arange(size, dtype=float), "scalar": np.float64(2.5)}
+
+
+class Evil:
+    """Unpickled, it would run a command."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return os.system, ("touch /tmp/gtcad-evil",)
+
+
+def evil() -> Any:
+    return Evil()
+
+
+def stranger() -> Any:
+    return Path("a")
+
+
+def environment(name: str) -> str | None:
+    return os.environ.get(name)
