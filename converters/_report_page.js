@@ -213,6 +213,23 @@
       redraw();
     }
 
+    function face() { // the eye towards what is chosen when that looks away
+      const sum = [0, 0, 0];
+      let count = 0;
+      scene.owners.forEach((owner, i) => {
+        if (!state.chosen.has(owner)) return;
+        for (let k = 0; k < 3; k++) sum[k] += scene.normals[4 * i + k] / 32767;
+        count++;
+      });
+      const m = View.axes(eye), length = Math.hypot(...sum);
+      const seen = (sum[0] * m[6] + sum[1] * m[7] + sum[2] * m[8]) / length;
+      if (length < 0.3 * count || seen > 0.2) return; // it goes all the way round, or is seen
+      const level = Math.hypot(sum[0], sum[1]);
+      if (level > 0.05 * length) eye.azimuth = Math.atan2(sum[1], sum[0]);
+      eye.elevation = Math.min(1.3, Math.max(-1.3, Math.atan2(sum[2], level) + 0.3));
+      fit();
+    }
+
     function describe(row) {
       const list = document.createElement("dl"), headings = [...row.closest("table").tHead.rows[0].cells];
       const cells = [...row.cells].map((cell, k) => [headings[k].dataset.label, cell]).filter(([, cell]) => cell.textContent.trim());
@@ -239,6 +256,7 @@
       if (!row || !section.contains(row) || window.getSelection().toString()) return;
       start();
       select(row === state.row ? null : row);
+      if (state.chosen) face();
     });
 
     // --- buttons, pointers and keys ---

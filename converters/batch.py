@@ -10,7 +10,7 @@ import json
 import os
 import time
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +18,7 @@ from typing import IO, Any
 
 import gtcad
 from gtcad.converters.isolated import MEMORY, TIMEOUT, Runner
-from gtcad.converters.outcome import Code, Job, Outcome, failed, plain, run_job, sha256
+from gtcad.converters.outcome import Code, Job, Outcome, check_files, failed, plain, run_job, sha256
 from gtcad.errors import ExtraMissing, FileError, GtcadError, KernelError
 
 _CONNECTING = 30.0  # seconds in which a scheduler must answer
@@ -126,13 +126,14 @@ def attempt(job: Job, runner: Runner) -> tuple[Job, Outcome]:
     """The job and what became of it, errors included."""
     started = time.monotonic()
     try:
+        check_files(job)
         return job, runner.run(run_job, job)
     except (GtcadError, OSError, RuntimeError) as error:
         return job, failed(job, error, time.monotonic() - started)
 
 
-def _in_threads(jobs: Sequence[Job], runner: Runner, workers: int) -> Iterator[tuple[Job, Outcome]]:
-    from joblib import Parallel, delayed
+def _in_threads(jobs: Sequence[Job], runner: Runner, workers: int) -> Generator[tuple[Job, Outcome], None, None]:
+    from joblib import Parallel, delayed  # type: ignore[import-untyped]
 
     parallel = Parallel(n_jobs=workers, backend="threading", return_as="generator_unordered", pre_dispatch="n_jobs")
     found = parallel(delayed(attempt)(job, runner) for job in jobs)
@@ -151,13 +152,15 @@ def attempt_on_worker(job: Job, timeout: float | None, memory: int | None) -> Ou
     return attempt(job, Runner(timeout, memory))[1]
 
 
-def _on_cluster(jobs: Sequence[Job], scheduler: str, runner: Runner) -> Iterator[tuple[Job, Outcome]]:
+def _on_cluster(jobs: Sequence[Job], scheduler: str, runner: Runner) -> Generator[tuple[Job, Outcome], None, None]:
     try:
         from distributed import Client, as_completed
     except ImportError as error:
         raise ExtraMissing(f"a scheduler needs dask and distributed ({error}): pip install 'gtcad[cluster]'") from error
+    connect: Any = Client  # these two have no types
+    in_order_of_ends: Any = as_completed
     try:
-        client = Client(scheduler, timeout=_CONNECTING, set_as_default=False)
+        client = connect(scheduler, timeout=_CONNECTING, set_as_default=False)
     except (OSError, ValueError) as error:
         raise FileError(scheduler, f"no scheduler answers: {error}") from error
     with client:
@@ -165,7 +168,7 @@ def _on_cluster(jobs: Sequence[Job], scheduler: str, runner: Runner) -> Iterator
             client.submit(attempt_on_worker, job, runner.timeout, runner.memory, pure=False): job for job in jobs
         }
         try:
-            for future in as_completed(list(futures), loop=client.loop):
+            for future in in_order_of_ends(list(futures), loop=client.loop):
                 yield futures[future], _gathered(future, futures[future])
                 future.release()
         finally:

@@ -81,7 +81,7 @@ class GTPlateau(GTFace):
     ----------
     c0, c1, d0, d1
         The boundary, as of ``GTCoons``.
-    degree
+    inner_degree
         Of the functions inside, or a pair.
     functional
         The energy.
@@ -95,12 +95,12 @@ class GTPlateau(GTFace):
         c1: Any,
         d0: Any,
         d1: Any,
-        degree: int | tuple[int, int] = 4,
+        inner_degree: int | tuple[int, int] = 4,
         functional: Functional = "dirichlet",
         **options: Unpack[FaceOptions],
     ) -> None:
         curves = curve_of(c0, "c0"), curve_of(c1, "c1"), curve_of(d0, "d0"), curve_of(d1, "d1")
-        super().__init__(fixed_contour(curves, degree, functional), **options)
+        super().__init__(fixed_contour(curves, inner_degree, functional), **options)
 
 
 class GTDirichlet(GTFace):

@@ -39,11 +39,11 @@ def gtEnveloping(
         Design variables of the family.
     """
     family = planes if isinstance(planes, PlaneFamily) else PlaneFamily(np.asarray(planes, dtype=np.float64), gamma)
-    bounds = [
-        in_space(curve_of(name, given)) if isinstance(given, SeparableCurve | cq.Shape) else given
-        for name, given in (("boundA", boundA), ("boundB", boundB))
-    ]
-    return gtSurface(Enveloping(family, *bounds), **settings)
+    return gtSurface(Enveloping(family, _bound("boundA", boundA), _bound("boundB", boundB)), **settings)
+
+
+def _bound(name: str, given: PlaneLike | SeparableCurve | cq.Edge) -> SeparableCurve | ArrayLike:
+    return in_space(curve_of(name, given)) if isinstance(given, SeparableCurve | cq.Shape) else given
 
 
 def gtSpineDevelopable(
@@ -61,7 +61,7 @@ def gtGeodesicDevelopable(curve: CurveLike, distances: tuple[float, float], **se
 
 def gtPlateau(
     curves: Sequence[CurveLike],
-    degree: int | tuple[int, int] = 4,
+    innerDegree: int | tuple[int, int] = 4,
     functional: Literal["dirichlet", "quasi-harmonic", "bending"] = "dirichlet",
     **settings: Unpack[Settings],
 ) -> GtFace:
@@ -71,13 +71,13 @@ def gtPlateau(
     ----------
     curves
         As of ``gtCoons``.
-    degree
+    innerDegree
         Of the functions inside, or a pair.
     functional
         The energy.
     """
     loop = [in_space(curve_of(f"curves[{k}]", curve)) for k, curve in enumerate(curves)]
-    return gtSurface(fixed_contour(coons_from_loop(loop), degree, functional), **settings)
+    return gtSurface(fixed_contour(coons_from_loop(loop), innerDegree, functional), **settings)
 
 
 def gtDirichlet(

@@ -82,7 +82,8 @@ def _near(corners: Array) -> Integers:
         overlap = ((low[first] <= high[second]) & (low[second] <= high[first])).all(axis=1)
         pairs = np.column_stack([first[overlap], second[overlap]])
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
-    return order[pairs]
+    found: Integers = order[pairs]
+    return found
 
 
 def _sorted_along_curve(points: Array) -> Integers:
@@ -123,7 +124,8 @@ def _meeting(first: Array, second: Array, depth: float) -> tuple[NDArray[np.bool
 def _normals(corners: Array) -> Array:
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
+    units: Array = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
+    return units
 
 
 def _cut(corners: Array, heights: Array) -> Array:

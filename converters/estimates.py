@@ -139,7 +139,7 @@ def _from_figure(
 
 
 def nearest_of(figures: Sequence[Figure], points: Array, enough: float, searches: int = SEARCHES) -> Nearest:
-    """The nearest points of several figures together; figures whose box is too far away are not searched.
+    """The nearest points of several figures together; figures that are too far away are not searched.
 
     Where points lie beside trimmed faces is asked only if no other figure is near.
     """
@@ -148,21 +148,36 @@ def nearest_of(figures: Sequence[Figure], points: Array, enough: float, searches
         np.full_like(points, np.nan),
         np.full((len(points), figures[0].variables), np.nan),
     )
-    gaps = np.array([_box_distances(figure.box, points) for figure in figures])
-    order = np.argsort(gaps.sum(axis=1))
-    floors = gaps.copy()  # what the distance of a trimmed face is at least
-    for k in order:
-        open_ones = np.flatnonzero((gaps[k] <= best.distances) & (best.distances > enough))
+    floors, ceiling = _bounds(figures, points)
+    for k, figure in enumerate(figures):
+        open_ones = np.flatnonzero((floors[k] <= np.minimum(best.distances, ceiling)) & (best.distances > enough))
         if len(open_ones):
-            found, floors[k, open_ones] = figures[k].nearest_inside(points[open_ones], enough=enough, searches=searches)
+            found, floors[k, open_ones] = figure.nearest_inside(points[open_ones], enough=enough, searches=searches)
             _keep_nearer(best, found, open_ones)
-    for k in order:
+    for k, figure in enumerate(figures):
         open_ones = np.flatnonzero((floors[k] < (1 - _GAIN) * best.distances) & (best.distances > enough))
-        if figures[k].face is not None and len(open_ones):
+        if figure.face is not None and len(open_ones):
             unknown = Nearest(*(getattr(best, name)[open_ones] for name in ("distances", "points", "places")))
-            found = figures[k].with_feet(points[open_ones], unknown, np.arange(len(open_ones)))
+            found = figure.with_feet(points[open_ones], unknown, np.arange(len(open_ones)))
             _keep_nearer(best, found, open_ones)
     return best
+
+
+def _bounds(figures: Sequence[Figure], points: Array) -> tuple[Array, Array]:
+    """From boxes and grids: how near each figure may be to each point, and how near the nearest one must be."""
+    if len(figures) == 1:
+        return np.zeros((1, len(points))), np.full(len(points), np.inf)
+    floors = np.array([_box_distances(figure.box, points) for figure in figures])
+    ceiling = np.full(len(points), np.inf)
+    for k in np.argsort(floors.sum(axis=1)):
+        figure, near = figures[k], np.flatnonzero(floors[k] <= ceiling)
+        if figure.face is not None and figure.face.region is None:
+            continue
+        found = figure.points.tree.query(points[near])[0]
+        floors[k, near] = np.maximum(floors[k, near], found - figure.points.reach)
+        if figure.face is None:
+            ceiling[near] = np.minimum(ceiling[near], found)
+    return floors, ceiling
 
 
 def _keep_nearer(best: Nearest, found: Nearest, which: NDArray[np.int_]) -> None:

@@ -101,7 +101,8 @@ class Runner:
                 raise KernelError(f"the kernel did not answer within {self.timeout:g} s and was stopped") from None
             finally:
                 self._end(child)
-        return self._result(child.returncode, sent)
+        result: Result = self._result(child.returncode, sent)
+        return result
 
     def stop(self) -> None:
         """End all jobs that are running and start no more."""

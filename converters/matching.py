@@ -7,7 +7,7 @@ last. Boxes and sampled points keep the pairs that are looked at few.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,12 +15,15 @@ from numpy.typing import NDArray
 
 from gtcad.converters.estimates import nearest_of
 from gtcad.converters.figures import Figure, scaled
+from gtcad.converters.nearest import SEARCHES
 
 Array = NDArray[np.float64]
 
 _NEAR = 0.05  # of a shape: what lies farther from it than that does not hold it, unless it is the last choice
 _APART = 4.0  # tolerances: pieces nearer than that are one piece twice
 _OTHER_NAME, _ORDER = 0.5, 1e-6  # of the tolerance: what counts against a pair with unlike names, or in another order
+_MARGIN = 0.05  # of a figure: what its box of samples may lack
+_FEW = 16  # figures whose trees are looked through for a first answer
 _FORBIDDEN = 1e9  # of the largest cost
 
 UNITS = {
@@ -111,8 +114,10 @@ class _Search:
     def by_place(self) -> None:
         """Whole shapes, then parts of shapes."""
         self._whole()
-        self._partial(lambda target: self.tolerance)
-        self._partial(lambda target: 0.0 if self._is_covered(target) else float(self.near[target]))
+        self._partial(np.full(len(self.targets), self.tolerance))
+        if self.left:
+            covered = [self._is_covered(t) for t in range(len(self.targets))]
+            self._partial(np.where(covered, 0.0, self.near))
 
     @property
     def left(self) -> list[int]:
@@ -141,7 +146,9 @@ class _Search:
         for p, t, least, _ in bounds:
             if least <= best[p] + self.tolerance:
                 marks = self.parts[p].figure.marks
-                found[p, t] = float(self.targets[t].figure.nearest(marks, searches=1).distances.max())
+                target = self.targets[t].figure
+                searches = SEARCHES if target.is_chain else 1  # a chain may stop a search at its corners
+                found[p, t] = float(target.nearest(marks, searches=searches, enough=self.tolerance).distances.max())
         return found
 
     def _two_sided(self, p: int, t: int) -> float:
@@ -177,15 +184,15 @@ class _Search:
         found = zip(*linear_sum_assignment(cost), strict=True)
         return [(rows[i], columns[j]) for i, j in found if (rows[i], columns[j]) in pairs]
 
-    def _partial(self, limit: Callable[[int], float]) -> None:
-        """Parts within a target that nothing covers where they are."""
+    def _partial(self, limits: Array) -> None:
+        """Parts within a target, nearer than its limit, where nothing covers it yet."""
         for p in sorted(self.left, key=lambda p: -self.parts[p].figure.size):
             homes = [(far, self.parts[p].name != self.targets[t].name, t) for (q, t), far in self.one.items() if q == p]
             if not homes:
                 continue
             far, unlike, t = min((max(far, self.tolerance), unlike, t) for far, unlike, t in homes)
             known = unlike and self.parts[p].name in self.names and far > self.tolerance
-            if far <= max(limit(t), self.tolerance) and not known and not self._is_double(p, t):
+            if far <= max(limits[t], self.tolerance) and not known and not self._is_double(p, t):
                 self.groups[t].append(p)
 
     def _is_double(self, p: int, t: int) -> bool:
@@ -256,11 +263,20 @@ class _Search:
 
 
 def _all_near(figure: Figure, others: Sequence[Figure], limit: float) -> bool:
-    """Whether all marks of a figure are within a limit of others; trees tell most of those that are not."""
-    if not others:
+    """Whether all marks of a figure are within a limit of others; boxes and trees tell most of those that are not."""
+    margin = limit + np.array([_MARGIN * one.size for one in others])
+    beside = [one for one, wide in zip(others, margin, strict=True) if _boxes_meet(figure.box, one.box, float(wide))]
+    if not beside:
         return False
-    bounds = np.min([one.points.tree.query(figure.marks)[0] - one.points.reach for one in others], axis=0)
-    return bool(bounds.max() <= limit and nearest_of(others, figure.marks, limit, 1).distances.max() <= limit)
+    if len(beside) <= _FEW:
+        bounds = np.min([one.points.tree.query(figure.marks)[0] - one.points.reach for one in beside], axis=0)
+        if bounds.max() > limit:
+            return False
+    return bool(nearest_of(beside, figure.marks, limit, 1).distances.max() <= limit)
+
+
+def _boxes_meet(a: Array, b: Array, margin: float) -> bool:
+    return bool((a[0] <= b[1] + margin).all() and (b[0] <= a[1] + margin).all())
 
 
 def _extent(figures: Sequence[Figure]) -> float:

@@ -144,7 +144,8 @@ class Outcome:
             data |= report_data(self.report)
         if self.readiness is not None:
             data["readiness"] = asdict(self.readiness) | {"verdict": self.readiness.verdict}
-        return plain(data | {"environment": self.environment})
+        found: dict[str, Any] = plain(data | {"environment": self.environment})
+        return found
 
 
 def report_data(report: Report) -> dict[str, Any]:
@@ -275,9 +276,18 @@ def _code_of_readiness(readiness: Readiness | None) -> int:
 def failed(job: Job, error: BaseException, seconds: float = 0.0) -> Outcome:
     """The outcome of a job that an error ended, with the code that the command gives it."""
     message = str(error) if isinstance(error, GtcadError) else f"internal error: {type(error).__name__}: {error}"
-    nothing = (None, None, None, {})
     return Outcome(
-        job.file, job.form, job.against, job.tolerance, *nothing, code_of(error), message=message, seconds=seconds
+        job.file,
+        job.form,
+        job.against,
+        job.tolerance,
+        None,
+        None,
+        None,
+        {},
+        code_of(error),
+        message=message,
+        seconds=seconds,
     )
 
 
@@ -310,6 +320,32 @@ def environment(job: Job) -> dict[str, str]:
     return found if job.against is None else found | {"against_sha256": sha256(job.against)}
 
 
+def check_files(job: Job) -> None:
+    """Refuse what can be refused without a look into the files.
+
+    Raises
+    ------
+    FileError
+        When the file, or the one that it is compared with, is missing, empty or no ordinary file.
+    """
+    for path in (job.file, job.against):
+        if path is not None:
+            _check_file(path)
+
+
+def _check_file(path: str) -> None:
+    try:
+        found = os.stat(path)
+    except FileNotFoundError:
+        raise FileError(path, "no such file") from None
+    except (OSError, ValueError) as error:
+        raise FileError(path, f"cannot be read: {getattr(error, 'strerror', error)}") from error
+    if not stat.S_ISREG(found.st_mode):  # a pipe would be waited for
+        raise FileError(path, "is a folder" if stat.S_ISDIR(found.st_mode) else "is no ordinary file")
+    if not found.st_size:
+        raise FileError(path, "is empty")
+
+
 def sha256(path: str) -> str:
     """The SHA-256 of a file, in hexadecimal digits.
 
@@ -318,17 +354,9 @@ def sha256(path: str) -> str:
     FileError
         When there is no such file, or it cannot be read, is empty or no ordinary file.
     """
+    _check_file(path)
     try:
-        if not stat.S_ISREG(os.stat(path).st_mode):  # a pipe would be waited for
-            raise FileError(path, "is a folder" if os.path.isdir(path) else "is no ordinary file")
         with open(path, "rb") as file:
-            digest = hashlib.file_digest(file, "sha256")
-            if not file.tell():
-                raise FileError(path, "is empty")
-    except FileNotFoundError:
-        raise FileError(path, "no such file") from None
-    except FileError:
-        raise
+            return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise FileError(path, f"cannot be read: {error.strerror}") from error
-    return digest.hexdigest()

@@ -75,9 +75,14 @@ def _place(line: words.Line) -> dict[str, Any]:
     """Where the view finds it."""
     found: dict[str, Any] = {"data_faces": " ".join(map(str, line.faces)) or None}
     if line.worst is not None:
-        found["data_point"] = json.dumps(list(line.worst.point))
-        found["data_vector"] = json.dumps(list(line.worst.vector))
+        found["data_point"] = _place_of(line.worst.point)
+        found["data_vector"] = _place_of(line.worst.vector)
     return found
+
+
+def _place_of(values: Sequence[float] | None) -> str | None:
+    """A point for the view; None when there is none to be shown."""
+    return json.dumps(list(values)) if values is not None and all(map(math.isfinite, values)) else None
 
 
 def _cells(line: words.Line) -> list[tuple[Any, object]]:
@@ -159,7 +164,7 @@ def readiness_tables(outcome: Outcome) -> Markup:
             element("td", "" if finding.point is None else words.numbers(finding.point, 5)),
             element("td", finding.remark),
         ]
-        point = None if finding.point is None else json.dumps(list(finding.point))
+        point = _place_of(finding.point)
         findings.append(
             element("tr", *cells, data_row="", data_point=point, data_faces=_faces_of(finding.element, outcome))
         )
@@ -188,7 +193,7 @@ def edge_table(outcome: Outcome) -> Markup:
             element("td", edge["continuity"]),
             *(_plain(words.figure(value), value) for value in figures),
         ]
-        point = None if edge.get("point") is None else json.dumps(list(edge["point"]))
+        point = _place_of(edge.get("point"))
         rows.append(
             element("tr", *cells, data_row="", data_point=point, data_faces=_faces_of(edge["element"], outcome))
         )

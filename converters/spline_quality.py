@@ -127,7 +127,8 @@ def _kinks(knots: Array, multiplicities: tuple[int, ...], degree: int) -> list[t
 def _angles(first: Array, second: Array) -> Array:
     """Angles between vectors in degrees; 0 where one of them is none."""
     cross = np.linalg.norm(np.cross(first, second), axis=-1)
-    return np.degrees(np.arctan2(cross, (first * second).sum(axis=-1)))
+    angles: Array = np.degrees(np.arctan2(cross, (first * second).sum(axis=-1)))
+    return angles
 
 
 def _point(value: Array) -> Point:

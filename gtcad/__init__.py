@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from . import design_variables as design_variables
     from . import differential as differential
     from . import extremes as extremes
+    from . import flat_pattern as flat_pattern
+    from . import flat_strip as flat_strip
     from . import fronts as fronts
     from . import interpolation as interpolation
     from . import measure as measure
@@ -70,6 +72,8 @@ __getattr__, __dir__, __all__ = lazy_names(
         "differential": "differential",
         "dump_model": "model",
         "extremes": "extremes",
+        "flat_pattern": "flat_pattern",
+        "flat_strip": "flat_strip",
         "fronts": "fronts",
         "interpolation": "interpolation",
         "load_model": "model",

@@ -84,7 +84,7 @@ def check(
     workers = option("--jobs", lambda text: options.whole_number(text, 1, MOST_JOBS), jobs or "1")
     several = bool(manifest or scheduler or resume or jobs or len(files or ()) > 1)
     _refuse_pairs(files, manifest, report, resume, scheduler, jobs, in_process=in_process, several=several)
-    default = {"against": against, "tolerance": tolerance, "profile": profile}
+    default: dict[str, Any] = {"against": against, "tolerance": tolerance, "profile": profile}
     todo = [_job(file, **default, **settings) for file in files or ()]
     if manifest:
         option("--manifest", options.model_path, manifest)
@@ -130,7 +130,8 @@ def _refuse_pairs(
 def _limit(text: str) -> tuple[str, float | None]:
     from gtcad.converters.profiles import limit_of
 
-    return _refusing(limit_of, text)
+    found: tuple[str, float | None] = _refusing(limit_of, text)
+    return found
 
 
 def _memory(text: str) -> int | None:
@@ -175,7 +176,7 @@ def _tolerance(against: str, tolerance: str) -> float | None:
     return option("--tolerance", options.length, tolerance) if tolerance else None
 
 
-def _listed(manifest: str, default: dict[str, str], settings: dict[str, Any]) -> list[Job]:
+def _listed(manifest: str, default: dict[str, Any], settings: dict[str, Any]) -> list[Job]:
     """The jobs of a list; what an entry leaves out the options give."""
     from gtcad.converters.manifest import read_manifest
 
@@ -190,16 +191,16 @@ def _listed(manifest: str, default: dict[str, str], settings: dict[str, Any]) ->
     return found
 
 
-def _filled(wanted: Wanted, default: dict[str, str]) -> dict[str, str]:
+def _filled(wanted: Wanted, default: dict[str, Any]) -> dict[str, Any]:
     own = {"against": wanted.against, "tolerance": wanted.tolerance, "profile": wanted.profile}
     return {name: value or default[name] for name, value in own.items()}
 
 
 def _check_one(job: Job, report: str, *, as_json: bool, in_process: bool, **limits: Any) -> int:
     from gtcad.converters.isolated import Runner
-    from gtcad.converters.outcome import run_job, sha256
+    from gtcad.converters.outcome import check_files, run_job
 
-    sha256(job.file)  # what is missing or empty is known before a process is started
+    check_files(job)  # what is missing or empty is known before a process is started
     outcome = run_job(job) if in_process else Runner(**limits).run(run_job, job)
     if as_json:
         print_json(**outcome.as_data())

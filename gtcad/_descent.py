@@ -63,11 +63,10 @@ def scan(search: Search) -> None:
     """Look along single variables and over planes of two for lower valleys, from end to end, and go down there.
 
     A swarm that has settled in the wrong one of many valleys leaves it by this. It ends when nothing lower is found.
-    Planes cost 1089 designs each: with more than two variables they are for objectives that are quick, which those
-    with a gradient are.
+    Planes cost 1089 designs each: with more than two variables they are for objectives that are quick.
     """
     dimension = search.problem.dimension
-    planes = dimension == 2 or search.problem.gradient is not None
+    planes = dimension == 2 or search.problem.quick
     for _ in range(_MOST_SCANS):
         before = search.value
         for index in range(dimension):

@@ -24,7 +24,7 @@ from gtcad._entries import (
     gamma_fields,
     inline_or_named,
 )
-from gtcad._patch_kinds import Number, PatchEntry, Placement, curve_of, placement_fields
+from gtcad._patch_kinds import PatchEntry, Placement, curve_of, placement_fields
 from gtcad.basis import FAMILIES, MAX_DEGREE
 from gtcad.patches import PlaneFamily
 from gtcad.protocol import SeparableCurve, SeparableSurface
@@ -100,6 +100,7 @@ BoundField = Annotated[
     Discriminator(_kind_of_bound),
     BeforeValidator(_bound),
 ]
+Degrees = Annotated[float, Field(ge=0)]
 Distances = Annotated[
     tuple[float, float],
     BeforeValidator(_distances),
@@ -197,7 +198,7 @@ class QuasiDevelopableEntry(PatchEntry):
         description="Bernstein coefficients, rising from 0 to 1, of the parameter of b that each of a is joined to; or "
         "least-twist, for a pairing that makes the twist small.",
     )
-    max_twist: Annotated[Number | None, Field(ge=0), BeforeValidator(checks.optional(checks.not_negative))] = Field(
+    max_twist: Annotated[Degrees | None, BeforeValidator(checks.optional(checks.not_negative))] = Field(
         default=None, description="Degrees that the normal may turn along a ruling; any twist when left out."
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -158,10 +159,8 @@ def _optimised(path: str, model: Model, name: str, objective: str, settings: Map
 
 
 def _with_shapes(model: Model, found: Mapping[str, Optimum]) -> Model:
-    from gtcad.model import Model as ModelClass
-
     shapes = {name: found[name].shape if name in found else shape for name, shape in model.items()}
-    return ModelClass(shapes, model.unit, model.colors, model.construction)
+    return dataclasses.replace(model, shapes=shapes)
 
 
 def _row(name: str, optimum: Optimum) -> list[str]:

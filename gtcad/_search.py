@@ -39,12 +39,15 @@ class Problem:
         From a design, shape (d,), to the exact gradient of its value; None to take differences.
     excess
         From a design to how far it is beyond the limits, 0 where it keeps them; None without limits.
+    quick
+        Whether thousands of values cost next to nothing.
     """
 
     dimension: int
     values: Values
     gradient: Gradient | None = None
     excess: Callable[[Array], float] | None = None
+    quick: bool = False
 
 
 @dataclass(frozen=True)

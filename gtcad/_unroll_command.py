@@ -14,17 +14,17 @@ from gtcad._export_command import check_output
 
 OutputOption = Annotated[str, typer.Option("--output", "-o", metavar="OUT", help="A .dxf or .svg file.")]
 ToleranceOption = Annotated[
-    str, typer.Option("--tolerance", metavar="LENGTH", help="In mm, or with a unit; 0.01 when left out.")
+    str, typer.Option("--tolerance", metavar="LENGTH", help="Of the drawing, in mm, or with a unit: 1e-3, 0.5um.")
 ]
 BendLinesOption = Annotated[
-    str, typer.Option("--bend-lines", metavar="N", help="Rulings to draw on each pattern; none when left out.")
+    str, typer.Option("--bend-lines", metavar="N", help="How many rulings to draw on each pattern.")
 ]
 ShapeOption = Annotated[
     list[str],
     typer.Option("--shape", metavar="NAME", help="A shape to unroll, one for each option; all when left out."),
 ]
 TwistOption = Annotated[
-    str, typer.Option("--twist", metavar="DEG", help="The largest twist along a ruling; 1e-6 when left out.")
+    str, typer.Option("--twist", metavar="DEG", help="Degrees that a surface may twist along a ruling.")
 ]
 
 

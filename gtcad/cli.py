@@ -68,7 +68,7 @@ def top(
 
 
 app.command(short_help="Fit a model within a tolerance and write a CAD file.")(export)
-app.command(short_help="Prove what a CAD file holds against its model.")(check)
+app.command(short_help="Prove a CAD file against its model, or judge it for CAM.")(check)
 app.command(short_help="Find the design variables that make an objective least.")(optimize)
 app.command(short_help="Lay the developable surfaces of a model flat.")(unroll)
 

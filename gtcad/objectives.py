@@ -77,10 +77,13 @@ class Evaluator:
         From designs, shape (count, d), to values, shape (count,); infinite where there is no such shape.
     gradient
         From a design to the exact gradient, or None.
+    quick
+        Whether thousands of values cost next to nothing.
     """
 
     values: Callable[[Array], Array]
     gradient: Callable[[Array], Array] | None
+    quick: bool
 
 
 @dataclass(frozen=True)
@@ -251,12 +254,13 @@ def evaluator(space: DesignSpace, objective: str, factor: int = 1) -> Evaluator:
     """
     subject = _subject(space, objective)
     if isinstance(space, ExtremalSpace) and objective == space.energy:
-        return Evaluator(*space.energies())
+        return Evaluator(*space.energies(), quick=True)
     sample, weights, integrand = _rule(subject, objective, factor)
     affine = None if isinstance(space, ExtremalSpace) else AffineSamples.of(subject.space, sample)
     if affine is None:
-        return Evaluator(lambda designs: _one_by_one(subject, designs, sample, weights, integrand), None)
-    if integrand.form is not None and not subject.regression:
+        return Evaluator(lambda designs: _one_by_one(subject, designs, sample, weights, integrand), None, False)
+    quadratic = integrand.form is not None and not subject.regression
+    if quadratic:
         function = _quadratic(affine, weights, integrand)
     else:
         found: AffineSamples = affine
@@ -275,7 +279,7 @@ def evaluator(space: DesignSpace, objective: str, factor: int = 1) -> Evaluator:
         result[columns] = function(moved).imag / _STEP
         return result
 
-    return Evaluator(values, gradient)
+    return Evaluator(values, gradient, quadratic or subject.kind != "patch")
 
 
 def _quadratic(affine: AffineSamples, weights: Array, integrand: Integrand) -> Callable[[Numbers], Numbers]:

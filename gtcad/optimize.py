@@ -334,7 +334,7 @@ class _Run:
     def _problem(self, factor: int) -> Problem:
         if isinstance(self.objective, str):
             found = evaluator(self.space, self.objective, factor)
-            return Problem(self.space.dimension, found.values, found.gradient, self.excess)
+            return Problem(self.space.dimension, found.values, found.gradient, self.excess, found.quick)
         return Problem(self.space.dimension, self._called, None, self.excess)
 
     def _called(self, designs: Array) -> Array:

@@ -267,6 +267,16 @@ GROUPS: dict[str, list[Case]] = {
         Case("a STEP file of garbage", CHECK, 3, model(CURVE) | {"out.step": b"\x00garbage" * 99}),
         Case("an IGES file of garbage", ["info", "out.igs"], 3, {"out.igs": b"\x00garbage" * 99}),
         Case("a BREP file of garbage", ["info", "out.brep"], 3, {"out.brep": b"\x00garbage" * 99}),
+        Case(
+            "no file to compare with",
+            ["check", "a.step", "--against", "b.step", "--tolerance", "1"],
+            3,
+            {"a.step": b"x"},
+        ),
+        Case(
+            "a list that is none", ["check", "--manifest", "l.json"], 3, {"l.json": b'{"check": [{"fil": "a.step"}]}'}
+        ),
+        Case("a log that is none", ["check", "a.step", "--resume", "l.txt"], 3, {"a.step": b"x", "l.txt": b"notes\n"}),
         Case("a folder as the exchange file", ["info", "out.brep"], 3, {"out.brep/inside": b""}),
     ],
     "Usage": [
@@ -302,7 +312,17 @@ GROUPS: dict[str, list[Case]] = {
         wrong_option(
             "a model as the exchange file", "check", "model.json", "--against", "model.json", "--tolerance", "1"
         ),
-        wrong_option("a STEP file to check against", "check", "a.step", "--against", "b.step", "--tolerance", "1"),
+        wrong_option("a mesh to check against", "check", "a.step", "--against", "b.stl", "--tolerance", "1"),
+        wrong_option("a tolerance without anything to check against", "check", "a.step", "--tolerance", "1"),
+        wrong_option("something to check against without a tolerance", "check", "a.step", "--against", "b.step"),
+        wrong_option("a proof of nothing", "check", "a.step", "--require-proof"),
+        wrong_option("an unknown profile", "check", "a.step", "--profile", "iso"),
+        wrong_option("an unknown limit", "check", "a.step", "--limit", "small-edge=1mm"),
+        wrong_option("a limit in a wrong unit", "check", "a.step", "--limit", "tiny-edge=1deg"),
+        wrong_option("a report of an unknown kind", "check", "a.step", "--report", "a.doc"),
+        wrong_option("a time limit in words", "check", "a.step", "--timeout", "soon"),
+        wrong_option("too little memory for the kernel", "check", "a.step", "--memory", "100MB"),
+        wrong_option("no file to check", "check"),
         wrong_option("an unknown suffix to look into", "info", "notes.txt"),
         wrong_option("no tolerance", *EXPORT[:-2], names="--tolerance"),
         wrong_option("no file to write", "export", "model.json", "--tolerance", "1", names="--output"),

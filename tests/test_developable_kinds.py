@@ -114,7 +114,8 @@ def test_the_kinds_are_what_they_say(tmp_path: Path) -> None:
         tmp_path,
         CURVE | {"construction": True},
         ENVELOPING | {"name": "walls", "gamma": [0.2, 0.1], "part": [0.1, 1]},
-        ENVELOPING | {"name": "rail", "bound_b": "curve", "bound_a": {"control_points": [[0, 0], [1, 1], [2, 0]]}},
+        ENVELOPING | {"name": "rail", "bound_b": "curve", "bound_a": [0, 0, 1, -20]},
+        ENVELOPING | {"name": "foot", "bound_a": {"control_points": [[20, 0], [15, 15], [0, 20]]}},
         TANGENT | {"name": "tangent"},
         TANGENT | {"name": "edge", "spine": {"control_planes": PLANES, "family": "bernstein"}},
         GEODESIC | {"name": "geodesic"},
@@ -125,7 +126,7 @@ def test_the_kinds_are_what_they_say(tmp_path: Path) -> None:
     family = PlaneFamily(PLANES, (0.2, 0.1))
     assert model["walls"] == family.enveloping([0, 0, 1, 0], [0, 0.1, 1, 20], (0.1, 1.0))
     assert model["rail"].bound_b == curve
-    assert model["rail"].bound_a.dimension == 3
+    assert model["foot"].bound_a.dimension == 3
     assert model["tangent"] == SpineDevelopable(curve, (5, 20))
     assert model["edge"] == SpineDevelopable(PlaneFamily(PLANES, family=BERNSTEIN), (5, 20))
     assert model["geodesic"] == GeodesicDevelopable(curve, (-1, 2))
@@ -155,12 +156,12 @@ def test_the_kinds_are_what_they_say(tmp_path: Path) -> None:
         (ENVELOPING | {"control_planes": [PLANES[0]] * 3}, ": a plane of the family does not turn at t = 0"),
         (ENVELOPING | {"bound_b": [1, 0, 0, 0]}, ": a ruling is parallel to the plane bound_b at t = "),
         (ENVELOPING | {"bound_b": [0, 0, 1, 900]}, ": the edge of regression meets the patch at t = 0"),
-        ({"name": "x", "kind": "enveloping", "bound_a": [0, 0, 1, 0]}, ", control_planes: is missing"),
+        ({key: value for key, value in ENVELOPING.items() if key != "bound_a"}, ", bound_a: is missing"),
         (TANGENT | {"distances": [1]}, ", distances: must be two distances along the rulings, got a list of 1"),
         (TANGENT | {"distances": [1, 1]}, ", distances: must be two different distances, got 1 twice"),
         (TANGENT | {"distances": [1, "2"]}, ", distances[1]: must be a number, got '2'"),
         (TANGENT | {"distances": [-1, 2]}, ": distances must be both above 0 or both below"),
-        (TANGENT | {"spine": {"control_planes": [[1, 2, 3]] * 3}}, ", spine.control_planes[0]: must be a plane"),
+        (TANGENT | {"spine": {"control_planes": [*PLANES, [1, 2, 3]]}}, ", spine.control_planes[3]: must be a plane"),
         (TANGENT | {"spine": 3}, ", spine: must be an object with the fields of a shape, got 3"),
         (TANGENT | {"spine": "x"}, ", spine: a shape cannot be made of itself"),
         (GEODESIC | {"curve": "ring"}, ": curve must be a single curve, 'ring' is a chain"),

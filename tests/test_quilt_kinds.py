@@ -182,7 +182,10 @@ def test_two_seams_of_a_patch_are_two_matters(tmp_path: Path) -> None:
 
 # --- mistakes ---------------------------------------------------------------------------------------------------------
 
-KINDS = "surface, ruled, cylinder, cone, swept, swung, rotation, sweep, lofted, coons, plateau, tb_coons"
+KINDS = (
+    "surface, ruled, cylinder, cone, swept, swung, rotation, sweep, lofted, coons, plateau, tb_coons, "
+    "enveloping, spine-developable, geodesic-developable, quasi-developable"
+)
 
 
 @pytest.mark.parametrize(

@@ -436,17 +436,18 @@ def assert_drawn(path: Path) -> None:
     assert 0.02 < (picture.min(axis=-1) < 0.95).mean() < 0.9
 
 
-def test_combs_and_studies_are_drawn_and_are_those_of_the_page(tmp_path: Path) -> None:
-    result = script("combs.py", "--output", tmp_path)
+@pytest.mark.parametrize(("name", "page"), [("combs", "curves"), ("minimal", "minimal")])
+def test_pictures_of_pages_are_drawn_and_are_those_of_the_page(name: str, page: str, tmp_path: Path) -> None:
+    result = script(f"{name}.py", "--output", tmp_path)
     assert (result.returncode, result.stderr) == (0, "")
-    page = (ROOT / "docs" / "curves.md").read_text(encoding="utf-8")
-    shown = {Path(name).name for name in re.findall(r"!\[[^]]+\]\((images/\S+)\)", page)}
+    text = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
+    shown = {Path(found).name for found in re.findall(r"!\[[^]]+\]\((images/\S+)\)", text)}
     assert shown == {path.name for path in tmp_path.iterdir()}
-    for name in shown:
-        assert_drawn(tmp_path / name)
-        kept = ROOT / "docs" / "images" / name
+    for picture in shown:
+        assert_drawn(tmp_path / picture)
+        kept = ROOT / "docs" / "images" / picture
         assert kept.stat().st_size < 150_000
-        pictures = [np.asarray(Image.open(path).convert("L"), float) for path in (kept, tmp_path / name)]
+        pictures = [np.asarray(Image.open(path).convert("L"), float) for path in (kept, tmp_path / picture)]
         assert pictures[0].shape == pictures[1].shape
         assert np.abs(pictures[0] - pictures[1]).mean() < 2  # other versions of matplotlib set type otherwise
 

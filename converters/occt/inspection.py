@@ -376,7 +376,7 @@ def _use(number: int, face: Any, edge: Any, share: Array, points: Array, tangent
     gaps = np.linalg.norm(values[:, 0] - points, axis=1)
     if (gaps > _COARSE).any():
         analysis = _ShapeAnalysis.ShapeAnalysis_Surface(_BRep.BRep_Tool.Surface_s(face))
-        for i in np.flatnonzero(gaps > _COARSE):
+        for i in np.flatnonzero(gaps > _COARSE).tolist():
             analysis.ValueOfUV(point(points[i]), _COARSE)
             gaps[i] = min(gaps[i], float(analysis.Gap()))
     forward = edge.Orientation() == _TopAbs.TopAbs_FORWARD

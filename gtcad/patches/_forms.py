@@ -10,6 +10,7 @@ polynomials of them: with nine constant matrices in hand, thousands of pairs cos
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -76,14 +77,20 @@ def rule(*factors: Factors) -> tuple[Array, Array]:
     return (x + 1) / 2, weights / 2
 
 
+def resolved(*factors: Factors) -> bool:
+    """Whether ``rule`` integrates the factors to rounding: all but waves by the dozen."""
+    return all(_terms(KeyedFactors(one)) < _MOST_NODES for one in factors)
+
+
 @lru_cache(maxsize=256)
 def _terms(keyed: KeyedFactors) -> int:
     """Chebyshev terms after which the rest of the factors is below rounding."""
     factors = keyed.factors
     wanted = UNIT_ROUNDOFF * max(factors.derivative_bound(0), 1e-300)
-    for count in range(4, _MOST_NODES):
-        if interpolation_tail(0.5, count, factors.derivative_bound(count)) <= wanted:
-            return count
+    with contextlib.suppress(OverflowError):  # bounds of fast waves leave the range of floats
+        for count in range(4, _MOST_NODES):
+            if interpolation_tail(0.5, count, factors.derivative_bound(count)) <= wanted:
+                return count
     return _MOST_NODES
 
 
@@ -229,6 +236,19 @@ class ManyExtremals:
         energies = np.einsum("cijd,ijd->c", forces, self.known)
         return energies + np.einsum("cijd,cijd->c", forces[:, rows, columns], solution), coefficients
 
+    def derivatives(self, gammas: Array, t: Array, orders: Orders) -> Array:
+        """Partial derivatives of the extremals on the grid of the parameters, shape (count, t.size, t.size, d)."""
+        tables = [one.components(t, order) for one, order in zip((self.u, self.v), orders, strict=True)]
+        result = np.empty((len(gammas), t.size, t.size, self.known.shape[2]))
+        for block in self.blocks(gammas):
+            coefficients = self.energies(gammas[block])[1]
+            rows_u, rows_v = (
+                np.einsum("cp,pit->cti", affine_terms(gammas[block, columns]), table)
+                for table, columns in zip(tables, (slice(2), slice(2, 4)), strict=True)
+            )
+            result[block] = _applied(rows_u, rows_v, coefficients)
+        return result
+
     def _size(self) -> float:
         """The size of the entries of the systems."""
         return max(weight * self.u.size(orders_u) * self.v.size(orders_v) for weight, orders_u, orders_v in self.form)
@@ -256,9 +276,9 @@ class ManyExtremals:
 
 
 def _applied(gram_u: Array, gram_v: Array, coefficients: Array) -> Array:
-    """The products ``G_u c G_v^T`` of matrices (count, n, n), (count, m, m) and coefficients ([count,] n, m, d)."""
-    *_, n, m, d = coefficients.shape
-    lines = (gram_u @ coefficients.reshape(*coefficients.shape[:-2], m * d)).reshape(-1, n, m, d)
+    """The products ``G_u c G_v^T`` of matrices (count, k, n), (count, l, m) and coefficients ([count,] n, m, d)."""
+    *_, m, d = coefficients.shape
+    lines = (gram_u @ coefficients.reshape(*coefficients.shape[:-2], m * d)).reshape(len(gram_u), -1, m, d)
     return np.asarray(gram_v[:, None] @ lines)
 
 

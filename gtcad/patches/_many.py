@@ -7,7 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gtcad._jets import norm
 from gtcad.basis import GT, Family
+from gtcad.chebyshev import gauss_legendre
 from gtcad.errors import InputError
 from gtcad.factors import KeyedFactors
 from gtcad.patches._forms import Energy, Form, ManyExtremals, checked_energy, checked_gammas, gram_polynomials
@@ -16,6 +18,8 @@ from gtcad.patches.coons import Coons
 from gtcad.surface import Surface
 
 Array = NDArray[np.float64]
+
+_NODES = 24
 
 
 class ExtremalEnergies:
@@ -56,7 +60,9 @@ class ExtremalEnergies:
         self.setting: Setting = "fixed contour" if is_contour(boundary) else "free boundary"
         if self.setting == "fixed contour":
             contour = contour_of(boundary)  # type: ignore[arg-type]
-            n, m = checked_degrees(3 if degree is None else degree)
+            if degree is None:
+                raise InputError("degree is needed for a fixed contour: that of the interior functions, from 2")
+            n, m = checked_degrees(degree)
             self._many = _over_contour(contour, n, m, form, family)
         else:
             if degree is not None:
@@ -87,6 +93,18 @@ class ExtremalEnergies:
         values = checked_gammas(gammas, self.family)
         energies, coefficients = self._many.energies(values)
         return energies, self._many.rates(values, coefficients)
+
+    def areas(self, gammas: ArrayLike) -> Array:
+        """The areas of the extremals, shape (count,).
+
+        With a free boundary these are areas over different contours. One Gauss-Legendre rule of 24 x 24 nodes: exact to
+        about 1e-9 for patches of moderate degree without folds, estimated.
+        """
+        values = checked_gammas(gammas, self.family)
+        x, weights = gauss_legendre(_NODES)
+        lift = np.eye(self._many.known.shape[2], 3)
+        s_u, s_v = (self._many.derivatives(values, (x + 1) / 2, orders) @ lift for orders in ((1, 0), (0, 1)))
+        return np.asarray(norm(np.cross(s_u, s_v)) @ weights @ weights) / 4
 
 
 def _over_contour(contour: Coons, n: int, m: int, form: Form, family: Family) -> ManyExtremals:

@@ -35,8 +35,8 @@ from numpy.typing import ArrayLike, NDArray
 from gtcad.basis import GT, Basis, Family
 from gtcad.chebyshev import UNIT_ROUNDOFF
 from gtcad.errors import InputError
-from gtcad.measure import Estimate
-from gtcad.patches._forms import INNER, SQUARES, Energy, checked_energy, rule
+from gtcad.measure import Estimate, over_square
+from gtcad.patches._forms import INNER, SQUARES, Energy, checked_energy, resolved, rule
 from gtcad.patches._many import ExtremalEnergies, dirichlet_energies
 from gtcad.patches._plateau import (
     Contour,
@@ -135,7 +135,7 @@ def dirichlet_extremal(
 
     Examples
     --------
-    The net of Enneper's surface over the unit square is its own classical extremal; the middle is left out here.
+    The classical extremal inside straight edges is the bilinear patch:
 
     >>> from gtcad import BERNSTEIN
     >>> nan = [np.nan] * 3
@@ -301,8 +301,8 @@ def energy(surface: SeparableSurface, functional: Energy = "dirichlet") -> Estim
     Returns
     -------
     Estimate
-        In the square of the model's unit, u and v having none. The error bounds what rounding does to the derivatives;
-        the quadrature is exact but for it.
+        In the square of the model's unit, u and v having none. The quadrature is exact for all usual factors, and the
+        error bounds what rounding does to the derivatives; waves by the dozen are left to adaptive quadrature.
 
     Raises
     ------
@@ -319,6 +319,8 @@ def energy(surface: SeparableSurface, functional: Energy = "dirichlet") -> Estim
     (2.0, 0.0)
     """
     checked_energy(functional)
+    if not resolved(surface.factors_u, surface.factors_v):
+        return over_square(lambda u, v: _density(surface, u, v, functional), 1e-12)
     (u, weights_u), (v, weights_v) = rule(surface.factors_u), rule(surface.factors_v)
     weights = np.outer(weights_u, weights_v)
     reach = _ROUNDING * float(np.abs(surface.coefficients).max(initial=0.0))
@@ -332,6 +334,14 @@ def energy(surface: SeparableSurface, functional: Energy = "dirichlet") -> Estim
         value += weight * square
         error += weight * (2 * lost * math.sqrt(square) + lost**2 + _ROUNDING * square)
     return Estimate(value, error)
+
+
+def _density(surface: SeparableSurface, u: Array, v: Array, functional: str) -> Array:
+    total = np.zeros(np.broadcast_shapes(u.shape, v.shape))
+    for weight, orders in SQUARES[functional]:
+        part = np.sum([surface.derivative(u, v, one) for one in orders], axis=0)
+        total += weight * np.einsum("uvd,uvd->uv", part, part)
+    return total
 
 
 def harmonic_residual(surface: SeparableSurface) -> Estimate:

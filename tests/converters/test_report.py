@@ -458,6 +458,20 @@ def test_a_selected_face_is_the_one_that_keeps_its_colour(browser, tmp_path: Pat
     opened.page.close()
 
 
+def test_a_row_whose_face_looks_away_turns_the_view(opened: Opened) -> None:
+    """From below the strip is seen from its back; its rows turn it, and a second one leaves it as it is."""
+    opened.page.focus("canvas")
+    for _ in range(20):
+        opened.page.keyboard.press("ArrowUp")
+    below = opened.picture()
+    opened.click("tbody tr:nth-child(1) button.name")
+    turned = opened.picture()
+    assert (turned != below).any(axis=2).mean() > 0.05
+    opened.click("tbody tr:nth-child(3) button.name")
+    opened.click("tbody tr:nth-child(1) button.name")
+    np.testing.assert_array_equal(opened.picture(), turned)
+
+
 def test_findings_point_at_their_places(browser, tmp_path: Path) -> None:
     made = strip_outcome()
     write_report(tmp_path / "ready.html", [outcome(scene=made.scene, readiness=ready(made), code=1)])

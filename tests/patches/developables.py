@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from typing import Any
 
@@ -35,10 +36,8 @@ def regular_patches(count: int, first: int = 0) -> list[Enveloping]:
     found: list[Enveloping] = []
     seed = first
     while len(found) < count:
-        try:
+        with contextlib.suppress(SingularDevelopable):
             found.append(random_family(seed).enveloping(LOW, HIGH))
-        except SingularDevelopable:
-            pass
         seed += 1
     return found
 
@@ -97,7 +96,7 @@ def sampled_stretch(family: PlaneFamily, bound: Sequence[float], t: np.ndarray) 
 
 
 def first_crossing(family: PlaneFamily, bounds: Sequence[Sequence[float]] = (LOW, HIGH)) -> float | None:
-    """The first t where the edge of regression meets the patch: a dense search for signs, then a root at many digits."""
+    """The first t where the edge of regression meets the patch: a dense search for signs, a root at many digits."""
     t = np.linspace(0, 1, 4001)
     values = [sampled_stretch(family, bound, t) for bound in bounds]
     if values[0][0] * values[1][0] < 0:

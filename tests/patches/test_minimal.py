@@ -15,10 +15,11 @@ from gtcad.basis import Basis
 from gtcad.errors import InputError
 from gtcad.factors import CurveOfTerms, Waves
 from gtcad.measure import area, dirichlet_energy
-from gtcad.patches import Coons, Plateau
+from gtcad.patches import Coons, Plateau, Ruled
 from gtcad.patches import minimal as m
 from tests import reference
-from tests.patches.kinds import FRAME, INTERIOR, TILTS
+from tests.patches.kinds import FRAME, INTERIOR, NAMES, SAMPLES, TILTS, Sample
+from tests.patches.surfaces import catenoid, through
 from tests.pieces import random_surface
 
 FUNCTIONALS = ("dirichlet", "quasi-harmonic", "bending")
@@ -168,6 +169,24 @@ def test_boundaries_stay_and_the_area_is_below_the_energy(seed: int, n: int, k: 
     assert area(found, rtol=1e-6) < dirichlet_energy(found) * (1 + 1e-6)
 
 
+@pytest.mark.parametrize("sample", SAMPLES, ids=NAMES)
+def test_no_patch_of_any_kind_has_less_energy_than_area(sample: Sample) -> None:
+    energy = m.energy(sample.patch)
+    assert area(sample.patch, rtol=1e-6) <= energy * (1 + 1e-6)
+    assert abs(energy - dirichlet_energy(sample.patch, rtol=1e-10)) <= 2e-10 * energy
+
+
+def test_area_and_energy_are_equal_for_conformal_parameters() -> None:
+    surface = catenoid()  # a quarter turn is pi / 2 wide, so these heights are not conformal; those are
+    assert m.energy(Coons(*surface.contour)) > 1.0001 * surface.area
+    square = through(lambda t: (np.cosh((t - 0.5) * np.pi / 2), 0.0, (t - 0.5) * np.pi / 2))
+    arcs = [Curve([[r, 0, z], [r, r, z], [0, r, z]]) for r, _, z in square.evaluate([0.0, 1.0])]
+    strip = m.fixed_contour((*arcs, square, square.transformed([[0, -1, 0], [1, 0, 0], [0, 0, 1]])), 9)
+    assert m.energy(strip) == pytest.approx(float(area(strip)), rel=1e-9)
+    exact = np.pi / 2 * (np.pi / 4 + np.sinh(np.pi / 2) / 2)
+    assert area(strip) == pytest.approx(exact, rel=1e-9)
+
+
 @settings(max_examples=10)
 @given(seed=st.integers(0, 10**6))
 def test_symmetries(seed: int) -> None:
@@ -308,6 +327,18 @@ def test_many_energies_over_a_contour() -> None:
         assert energy == pytest.approx(float(dirichlet_energy(one)), rel=1e-11)
 
 
+@pytest.mark.parametrize("plane", [False, True])
+def test_many_areas_are_those_of_the_extremals(plane: bool) -> None:
+    net = random_surface(np.random.default_rng(14), (3, 4), 10).control_points[..., : 2 if plane else 3]
+    gammas = np.random.default_rng(15).uniform(-1, 1, (5, 4))
+    for energies, solve in (
+        (m.ExtremalEnergies(net), lambda **g: m.dirichlet_extremal(net, **g)),
+        (m.ExtremalEnergies(FRAME, degree=4), lambda **g: m.fixed_contour(FRAME, 4, **g)),
+    ):
+        for found, g in zip(energies.areas(gammas), gammas, strict=True):
+            assert found == pytest.approx(float(area(solve(gamma_u=g[:2], gamma_v=g[2:]), rtol=1e-9)), rel=1e-6)
+
+
 @pytest.mark.parametrize("boundary", ["net", "contour"])
 def test_rates_are_derivatives(boundary: str) -> None:
     net = np.random.default_rng(9).normal(size=(4, 5, 3))
@@ -361,6 +392,16 @@ def test_the_error_of_an_energy_is_honest() -> None:
         assert found.error <= 1e-10 * found.value
 
 
+@pytest.mark.parametrize("turns", [3, 60])
+def test_energies_of_a_disc_of_many_turns(turns: int) -> None:
+    """The squares of the derivatives of r (cos w u, sin w u), r = v, are w^2 r^2, 1 and w^4 r^2."""
+    w = 2 * np.pi * turns
+    axis, rim = (CurveOfTerms(Waves(0.0, w), [[0, 0, 0], [r, 0, 0], [0, r, 0]]) for r in (0, 1))
+    disc = Ruled(axis, rim)
+    assert m.energy(disc) == pytest.approx((1 + w**2 / 3) / 2, rel=1e-11)
+    assert m.harmonic_residual(disc) == pytest.approx(w**2 / np.sqrt(3), rel=1e-11)
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -384,6 +425,7 @@ def test_the_error_of_an_energy_is_honest() -> None:
         (lambda: m.dirichlet_energies(np.zeros((3, 3, 3)), [[0, 0, 0, np.nan]]), r"gammas\[0, 3\] must lie"),
         (lambda: m.ExtremalEnergies(np.zeros((3, 3, 3)), family=BERNSTEIN), "bernstein takes no design variables"),
         (lambda: m.ExtremalEnergies(np.zeros((3, 3, 3)), degree=3), "degree is that of the net, got 3"),
+        (lambda: m.ExtremalEnergies(FRAME), "degree is needed for a fixed contour"),
         (lambda: m.energy(Surface(np.zeros((3, 3, 3))), "area"), "functional must be one of"),
     ],
 )  # fmt: skip
