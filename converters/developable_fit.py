@@ -14,14 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gtcad.chebyshev import UNIT_ROUNDOFF, nodes, transform
 from gtcad.converters.approximation import Approximation, Bundle
 from gtcad.converters.bspline import BSplineSurface
 from gtcad.converters.certificate import certify_surface, deciding
 from gtcad.converters.exact import IDENTITY, ParameterMap
 from gtcad.converters.fit import Fit, precision_floor
 from gtcad.converters.search import Side, fewest
-from gtcad.converters.spline_basis import Knots, local_values
+from gtcad.converters.sliding import certify_slid, hodographs, on_spans, slid_poles
+from gtcad.converters.spline_basis import Knots
 from gtcad.errors import InputError, ToleranceBelowPrecision, ToleranceNotMet
 from gtcad.patches._twist import twist_bound
 from gtcad.polynomial import Spanned
@@ -31,11 +31,12 @@ Array = NDArray[np.float64]
 Maps = tuple[ParameterMap, ParameterMap]
 
 _PARTS = (1, 2, 4, 8, 16)  # of each knot span, for a proof of the twist
-_NODES = 32  # values on a part
 _ENOUGH = 1.1  # a proved twist so near the sampled one needs no finer parts
 _ROUNDS = 12  # of tightening
 _EAGER = 0.8  # each takes a little more than seems needed
 _SPANS_OF_A_FAILURE = 64
+_DRAGS = (1.0, 0.5, 2.5)  # tried in this order; with less drag parameters slide farther
+_NEAR, _NEARER = 0.97, 0.85  # of the tolerance: what knots and poles are searched for
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +50,14 @@ class DevelopableFit(Fit[BSplineSurface, Maps]):
         rulings. The upper one is proved, rounding included; the lower one is attained at a sample.
     tolerance
         The tolerance that the face was fitted with: the one asked for, or a finer one that the twist needed.
+    slide
+        Bound of how far apart, in u, the parameters are that ``deviation`` holds against each other (see
+        ``gtcad.converters.sliding``); 0 for equal ones. v is the same.
     """
 
     twist_deg: tuple[float, float]
     tolerance: float
+    slide: float
 
 
 def fit_developable(
@@ -63,6 +68,7 @@ def fit_developable(
     max_twist_deg: float | None = None,
     continuity: int | None = None,
     max_spans: int = 4096,
+    sliding: bool = True,
 ) -> DevelopableFit:
     """The ruled B-spline face of degree (p, 1) of the fewest poles that was found within the tolerance, with its proof.
 
@@ -82,6 +88,9 @@ def fit_developable(
         Continuity at interior knots, 0 to p - 1; p - 1 unless given.
     max_spans
         Largest number of knot spans.
+    sliding
+        Whether parameters u may be held against slightly different ones where that saves poles: the point sets, and
+        their boundaries, are within the tolerance all the same. False for a face that shares knots with others.
 
     Raises
     ------
@@ -112,14 +121,14 @@ def fit_developable(
     if not (tolerance > 0 and math.isfinite(tolerance)):
         raise InputError(f"tolerance must be a finite number above 0, got {tolerance}")
     side = Side(_boundaries(patch), (degree,), continuity, 0, max_spans)
-    found = _fitted(patch, side, float(tolerance))
+    found = _fitted(patch, side, float(tolerance), sliding)
     for _ in range(_ROUNDS):
         if max_twist_deg is None or found.twist_deg[1] <= max_twist_deg:
             return found
         finer = found.tolerance * min(0.5, _EAGER * max_twist_deg / found.twist_deg[1])
         finer = max(finer, min(1.01 * _floor(patch), 0.5 * found.tolerance))
         try:
-            found = _fitted(patch, side, finer)
+            found = _fitted(patch, side, finer, sliding)
         except (ToleranceBelowPrecision, ToleranceNotMet):
             break
     if max_twist_deg is None or found.twist_deg[1] <= max_twist_deg:
@@ -140,17 +149,26 @@ def _floor(patch: SeparableSurface) -> float:
     return size * precision_floor((patch.factors_u, patch.factors_v)) + patch.definition_error
 
 
-def _fitted(patch: SeparableSurface, side: Side, tolerance: float) -> DevelopableFit:
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """A face that keeps the tolerance."""
+
+    spline: BSplineSurface
+    deviation: tuple[float, float]
+    slide: float = 0.0
+
+
+def _fitted(patch: SeparableSurface, side: Side, tolerance: float, sliding: bool) -> DevelopableFit:
     if tolerance < (floor := _floor(patch)):
         raise ToleranceBelowPrecision(tolerance, floor)
     least = math.inf
 
-    def proof(one: Approximation) -> tuple[BSplineSurface, tuple[float, float]] | None:
+    def proof(one: Approximation) -> _Found | None:
         nonlocal least
-        spline = _face(one, side.bundle.vectors)
+        spline = _face(one.knots, _poles(one, side.bundle))
         certificate = deciding(lambda **how: certify_surface(patch, spline, **how), tolerance)
         least = min(least, certificate.upper)
-        return (spline, (certificate.lower, certificate.upper)) if certificate.upper <= tolerance else None
+        return _Found(spline, (certificate.lower, certificate.upper)) if certificate.upper <= tolerance else None
 
     # fresh adapted approximations: a side keeps them for one goal
     fresh = Side(side.bundle, side.degrees, side.continuity, side.end_order, side.max_spans)
@@ -158,14 +176,34 @@ def _fitted(patch: SeparableSurface, side: Side, tolerance: float) -> Developabl
     if found is None:
         proof(fresh.best_of(min(side.max_spans, _SPANS_OF_A_FAILURE)))
         raise ToleranceNotMet(tolerance, least, side.max_spans, f"max_spans = {side.max_spans}")
-    return DevelopableFit(found[0], found[1], False, (IDENTITY, IDENTITY), spline_twist_deg(found[0]), tolerance)
+    while sliding and (better := _with_fewer(fresh, found, tolerance, patch.definition_error)) is not None:
+        found = better
+    twist = spline_twist_deg(found.spline)
+    return DevelopableFit(
+        found.spline, found.deviation, False, (IDENTITY, IDENTITY), twist, tolerance, slide=found.slide
+    )
 
 
-def _face(one: Approximation, vectors: Array) -> BSplineSurface:
-    knots = one.knots
-    poles = np.einsum("pi,ikd->pkd", one.matrix, vectors)
-    if np.array_equal(poles[0], poles[-1]):
-        poles[-1] = poles[0]
+def _with_fewer(side: Side, found: _Found, tolerance: float, definition_error: float) -> _Found | None:
+    """A face with fewer poles whose parameters slide."""
+    count = len(found.spline.control_points)
+    one = side.adapted(count - 1, _NEAR * tolerance) if count > side.least else None
+    if one is None or one.knots.poles >= count:
+        return None
+    start = _poles(one, side.bundle)
+    for drag in _DRAGS:
+        poles = slid_poles(side.bundle, one.knots, start, _NEARER * tolerance, drag)
+        slid = certify_slid(side.bundle, one.knots, poles, tolerance, definition_error)
+        if slid.upper <= tolerance:
+            return _Found(_face(one.knots, poles), (slid.lower, slid.upper), slid.slide)
+    return None
+
+
+def _poles(one: Approximation, bundle: Bundle) -> Array:
+    return np.asarray(np.einsum("pi,ikd->pkd", one.matrix, bundle.vectors))
+
+
+def _face(knots: Knots, poles: Array) -> BSplineSurface:
     return BSplineSurface(poles, knots.breaks, knots.multiplicities, knots.degree, (0.0, 1.0), (2, 2), 1)
 
 
@@ -210,34 +248,7 @@ def _spanned(spline: BSplineSurface) -> Iterator[tuple[tuple[Spanned, Spanned], 
     """The derivatives of both rows of poles and their difference, on finer and finer parts of the knot spans."""
     knots = Knots.normalised(spline.knots_u, spline.multiplicities_u, spline.degree_u)
     rows = np.moveaxis(spline.control_points, 1, 0)
-    slopes, hodographs = _hodograph(knots, rows)
+    slopes, poles_of = hodographs(knots, rows)
     for parts in _PARTS:
-        first, second = (_on_parts(slopes.subdivided(parts), poles, 4) for poles in hodographs)
-        yield (first, second), _on_parts(knots.subdivided(parts), rows[1] - rows[0], 1)
-
-
-def _hodograph(knots: Knots, rows: Array) -> tuple[Knots, Array]:
-    """Knots and poles of the derivatives of splines with poles of shape (rows, poles, d)."""
-    flat, degree = knots.flat, knots.degree
-    gaps = flat[degree + 1 : -1] - flat[1 : -degree - 1]
-    ends = (degree, *knots.multiplicities[1:-1], degree)
-    return Knots(knots.breaks, ends, degree - 1), degree * np.diff(rows, axis=1) / gaps[:, None]
-
-
-def _on_parts(knots: Knots, poles: Array, units: int) -> Spanned:
-    """A spline on each of its spans; its poles are so many units off, relatively."""
-    columns = knots.first[:, None] + np.arange(knots.degree + 1)
-    values = local_values(knots, nodes(_NODES)) @ poles[columns]
-    count = knots.degree + 1
-    series = transform(count) @ (local_values(knots, nodes(count)) @ poles[columns])
-    sizes = np.linalg.norm(series, axis=2).max(axis=0)
-    sizes += 64 * count * UNIT_ROUNDOFF * sizes.max()
-    taylor = np.zeros(_NODES + 1)
-    degrees = np.arange(count)
-    power = np.ones(count)  # T_j^(k)(1) / k!
-    for k in range(min(count, _NODES + 1)):
-        taylor[k] = float(power @ sizes)
-        power = power * (degrees**2 - k**2) / ((2 * k + 1) * (k + 1))
-    largest = np.linalg.norm(poles[columns], axis=2).max(axis=1)
-    rounding = (6 * count + units) * UNIT_ROUNDOFF * largest
-    return Spanned(values, taylor * (1 + 1e-9), np.repeat(rounding[:, None], _NODES, axis=1))
+        first, second = (on_spans(slopes.subdivided(parts), poles, 4) for poles in poles_of)
+        yield (first, second), on_spans(knots.subdivided(parts), rows[1] - rows[0], 1)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtcad import measure
-from gtcad.chebyshev import gauss_legendre
+from gtcad.chebyshev import UNIT_ROUNDOFF, gauss_legendre
 from gtcad.composite import Composite
 from gtcad.converters.arcs import curve_of_arc
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
@@ -23,7 +23,7 @@ from gtcad.protocol import SeparableCurve, SeparableSurface
 Array = NDArray[np.float64]
 Geometry = SeparableCurve | SeparableSurface | Composite | BSplineCurve | BSplineSurface
 
-_LEAST, _MOST, _PER_SPAN = {1: 129, 2: 33}, {1: 1025, 2: 97}, 3
+_LEAST, _MOST, _PER_SPAN = {1: 129, 2: 33}, {1: 2049, 2: 193}, 3
 _MARKS = {1: 17, 2: 7}
 _OUTLINE = 257
 _AREA = 1e-5  # relative: what the kernel's area of a face may be off
@@ -42,7 +42,7 @@ class Figure:
     source
         What stood in the file, where it is an arc or a quadric.
     rounding
-        How far, in mm, the geometry may be from what the file says because a part was cut out of it.
+        How far, in mm, the geometry may be from what the file says because it was computed from that.
     """
 
     geometry: Geometry
@@ -250,7 +250,10 @@ def figure_of_part(part: Part) -> Figure:
     if isinstance(geometry, EllipseArc):
         return Figure(curve_of_arc(geometry), source=geometry)
     if isinstance(geometry, Quadric):
-        return Figure(surface_of_quadric(geometry), source=geometry)
+        surface = surface_of_quadric(geometry)
+        # its coefficients are computed, each with a few roundings
+        rounding = 16 * UNIT_ROUNDOFF * float(np.linalg.norm(surface.coefficients, axis=-1).sum())
+        return Figure(surface, source=geometry, rounding=rounding)
     if isinstance(geometry, BSplineSurface) and part.trimmed:
         face = part.face or TrimmedFace(lambda points: np.full(len(points), np.nan), np.nan)
         if face.region is not None and face.region.rectangle is not None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtcad._flat_bends import BendLine
-from gtcad._flat_places import Crossing
+from gtcad._flat_places import Crossing, first_crossing
 from gtcad.chebyshev import UNIT_ROUNDOFF
 from gtcad.converters.arcs import certify_arc
 from gtcad.converters.bspline import BSplineCurve
@@ -18,7 +18,7 @@ from gtcad.converters.fit import fit_curve
 from gtcad.converters.part import EllipseArc
 from gtcad.errors import InputError, ToleranceBelowPrecision
 from gtcad.flat_curves import FlatCurve
-from gtcad.flat_pattern import FlatPattern
+from gtcad.flat_pattern import FlatPattern, polygon
 from gtcad.flat_strip import FlatStrip
 from gtcad.polynomial import Polynomials
 from gtcad.protocol import SeparableCurve
@@ -239,15 +239,12 @@ def draw_pattern(
     Raises
     ------
     InputError
-        When a hole is not closed.
+        When a hole is not closed, or crosses itself.
     ToleranceNotMet, ToleranceBelowPrecision
         As ``fit_curve``; also when the pattern itself is not as good.
     """
-    size = float(np.ptp(pattern.contour[0].evaluate(np.linspace(0.0, 1.0, 9)), axis=0).max())
     for hole in holes:
-        size = max(size, hole.extent)
-        if not hole.closed:
-            raise InputError(f"a hole must be a closed curve; its ends are {_open(hole):.3g} apart")
+        _check_hole(hole)
     off = max([pattern.error, *(curve.error for curve in (*holes, *marks))])
     if tolerance <= 2 * off:
         raise ToleranceBelowPrecision(tolerance, 2 * off)
@@ -259,9 +256,14 @@ def draw_pattern(
     return Sheet(name, tuple(cut), bend, tuple(mark), deviation, pattern.overlap)
 
 
-def _open(curve: FlatCurve) -> float:
-    ends = curve.evaluate(np.array([0.0, 1.0]))
-    return float(np.linalg.norm(ends[1] - ends[0]))
+def _check_hole(hole: FlatCurve) -> None:
+    if not hole.closed:
+        ends = hole.evaluate(np.array([0.0, 1.0]))
+        apart = float(np.linalg.norm(ends[1] - ends[0]))
+        raise InputError(f"a hole must be a closed curve; its ends are {apart:.3g} apart")
+    if (crossing := first_crossing(polygon((hole,)))) is not None:
+        x, y = crossing.point
+        raise InputError(f"a hole must not cross itself; it does near ({x:.6g}, {y:.6g}) of the pattern")
 
 
 def arranged(sheets: Sequence[Sheet], spacing: float = 10.0) -> tuple[Sheet, ...]:

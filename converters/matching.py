@@ -146,9 +146,9 @@ class _Search:
         for p, t, least, _ in bounds:
             if least <= best[p] + self.tolerance:
                 marks = self.parts[p].figure.marks
-                target = self.targets[t].figure
-                searches = SEARCHES if target.is_chain else 1  # a chain may stop a search at its corners
-                found[p, t] = float(target.nearest(marks, searches=searches, enough=self.tolerance).distances.max())
+                figure = self.targets[t].figure
+                searches = SEARCHES if figure.is_chain else 1  # a chain may stop a search at its corners
+                found[p, t] = float(figure.nearest(marks, searches=searches, enough=self.tolerance).distances.max())
         return found
 
     def _two_sided(self, p: int, t: int) -> float:

@@ -188,7 +188,21 @@ def _step(places: Array, offsets: Array, damping: Array, target: PointSet) -> Ar
     gram = np.einsum("nvd,nwd->nvw", tangents, tangents)
     damping = (damping + _LEAST_DAMPING) * np.einsum("nvv->n", gram) + 1e-300
     gram += (damping[:, None] + np.where(free, 0.0, 1.0))[:, :, None] * np.eye(target.variables)
-    return np.asarray(np.linalg.solve(gram, (slope * free)[:, :, None])[:, :, 0])
+    step = np.linalg.solve(gram, (slope * free)[:, :, None])[:, :, 0]
+    if target.variables == 2:
+        _stop_at_sides(places, step, gram, slope * free)
+    return np.asarray(step)
+
+
+def _stop_at_sides(places: Array, step: Array, gram: Array, slope: Array) -> None:
+    """Where a step leaves the square through one side, it ends there, and the other parameter's is the best with it."""
+    room = np.where(step > 0, 1 - places, -places)
+    leaves = np.abs(step) > np.abs(room)
+    for axis in (0, 1):
+        other = 1 - axis
+        one = leaves[:, axis] & ~leaves[:, other]
+        step[one, axis] = room[one, axis]
+        step[one, other] = (slope[one, other] - gram[one, other, axis] * room[one, axis]) / gram[one, other, other]
 
 
 def is_farther(point: Array, length: float, target: PointSet) -> bool | None:

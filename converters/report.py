@@ -12,6 +12,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 import gtcad
 from gtcad._files import written_whole
 from gtcad.converters.report_markup import joined, script_data
@@ -57,7 +59,7 @@ def write_report(path: str | os.PathLike[str], outcomes: Sequence[Outcome]) -> N
         raise InputError(f"the file of a report must end in {', '.join(SUFFIXES)}, got {os.fspath(path)!r}")
     if not outcomes:
         raise InputError("a report needs at least one outcome, got none")
-    with written_whole(path) as temporary:
+    with written_whole(path) as temporary, np.errstate(all="ignore"):  # sizes beyond all use are not drawn
         try:
             if suffix == ".html":
                 temporary.write_bytes(html_page(outcomes).encode("utf-8", "replace"))  # a name may hold half a letter

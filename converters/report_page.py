@@ -100,7 +100,7 @@ def _cells(line: words.Line) -> list[tuple[Any, object]]:
             f"at {words.numbers(line.worst.point, 5)}",
             f"by {words.numbers(line.worst.vector, 3)}",
         )
-        worst = joined(element("span", text, class_="fact") for text in texts)
+        worst = joined(element("span", text, class_="fact place") for text in texts)
     drawn = "" if line.histogram is None else histogram_svg(line.histogram)
     return [
         (line.name, name),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 _VIEWS = ((-0.9, 0.5), (1.7, -0.6))  # azimuth, elevation: from in front above, from behind below
 _PLAIN, _UNKNOWN = np.array([0.55, 0.68, 0.8]), np.array([0.72, 0.72, 0.72])
 _LIGHT = np.array([-0.2, 0.3, 0.75])
-_LIFT = 0.01  # of the size: lines before the faces that they lie on
+_LIFT = 0.02  # of half the size: lines before the faces that they lie on
 _DASHES = {"free": (3, 2), "G0": (1, 0), "G1": (6, 2), "G2": (1, 1)}  # of the segments drawn, left out
 _TITLES = ("from in front, above", "from behind, below")
 
@@ -60,8 +60,10 @@ def _draw(axes: Any, scene: Scene, turn: Array, scale: Any) -> None:
     from matplotlib.collections import PolyCollection
 
     points = np.concatenate([face.vertices for face in scene.faces] + [curve.points for curve in scene.curves])
-    lift = _LIFT * float(np.linalg.norm(np.ptp(points, axis=0)))
-    pieces = [*_triangles(scene, turn, scale), *_lines(scene, turn, lift)]
+    middle = points.min(axis=0) / 2 + points.max(axis=0) / 2
+    size = max(float(np.abs(points - middle).max()), 1e-300)
+    seen: _Seen = lambda places: (places - middle) / size @ turn.T  # noqa: E731
+    pieces = [*_triangles(scene, turn, scale, seen), *_lines(scene, seen)]
     shapes, depths, colours, widths = (np.concatenate(column) for column in zip(*pieces, strict=True))
     order = np.argsort(depths, kind="stable")
     drawn = PolyCollection(
@@ -75,12 +77,13 @@ def _draw(axes: Any, scene: Scene, turn: Array, scale: Any) -> None:
     axes.set_ylim(low[1] - margin, high[1] + margin)
 
 
+_Seen = Callable[[Array], Array]  # from places to right, up and towards the eye, within about 1
 _Piece = tuple[Array, Array, Array, Array]  # polygons (k, 4, 2), depths, colours, widths of their outlines
 
 
-def _triangles(scene: Scene, turn: Array, scale: Any) -> Iterator[_Piece]:
+def _triangles(scene: Scene, turn: Array, scale: Any, seen: _Seen) -> Iterator[_Piece]:
     for face in scene.faces:
-        corners = (face.vertices @ turn.T)[face.triangles]
+        corners = seen(face.vertices)[face.triangles]
         normals = (face.normals @ turn.T)[face.triangles].mean(axis=1)
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
         normals *= np.where(normals[:, 2:] < 0, -1.0, 1.0)
@@ -94,28 +97,26 @@ def _triangles(scene: Scene, turn: Array, scale: Any) -> Iterator[_Piece]:
         yield polygons, corners[..., 2].mean(axis=1), colours * light[:, None], np.full(len(corners), 0.2)
 
 
-def _lines(scene: Scene, turn: Array, lift: float) -> Iterator[_Piece]:
+def _lines(scene: Scene, seen: _Seen) -> Iterator[_Piece]:
     for curve in scene.curves:
         if curve.kind == "edge":
             colour, width, _, _ = EDGES[curve.continuity]
             on, off = _DASHES[curve.continuity]
-            yield _segments(
-                curve.points, turn, lift, colour, 0.4 * width, np.arange(len(curve.points) - 1) % (on + off) < on
-            )
+            yield _segments(curve.points, seen, colour, 0.4 * width, np.arange(len(curve.points) - 1) % (on + off) < on)
         else:
-            yield _segments(curve.points, turn, lift, CURVE, 1.2, None)
+            yield _segments(curve.points, seen, CURVE, 1.2, None)
             if curve.comb is not None:
                 known = np.isfinite(curve.comb).all(axis=1)
                 teeth = np.stack([curve.points[known], curve.comb[known]], axis=1).reshape(-1, 3)
-                yield _segments(teeth, turn, lift, COMB, 0.4, np.arange(len(teeth) - 1) % 2 == 0)
-                yield _segments(curve.comb[known], turn, lift, COMB, 0.6, None)
+                yield _segments(teeth, seen, COMB, 0.4, np.arange(len(teeth) - 1) % 2 == 0)
+                yield _segments(curve.comb[known], seen, COMB, 0.6, None)
 
 
-def _segments(points: Array, turn: Array, lift: float, colour: str, width: float, shown: Any) -> _Piece:
-    seen = points @ turn.T
-    start, end = seen[:-1], seen[1:]
+def _segments(points: Array, seen: _Seen, colour: str, width: float, shown: Any) -> _Piece:
+    places = seen(points)
+    start, end = places[:-1], places[1:]
     if shown is not None:
         start, end = start[shown], end[shown]
     rgb = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
     polygons = np.stack([start, end, end, start], axis=1)[..., :2]
-    return polygons, (start + end)[:, 2] / 2 + lift, np.tile(rgb, (len(start), 1)), np.full(len(start), width)
+    return polygons, (start + end)[:, 2] / 2 + _LIFT, np.tile(rgb, (len(start), 1)), np.full(len(start), width)

@@ -110,7 +110,11 @@ def scene_of_parts(
         For the eye: at most about 60 000 corners in all, deviations and orders of edges from samples. Faces that the
         kernel cannot divide are left out.
     """
-    wanted = _wanted(parts, rows, shapes or {}, others)
+    with np.errstate(all="ignore"):  # sizes beyond all use give NaN
+        return _scene(parts, _wanted(parts, rows, shapes or {}, others))
+
+
+def _scene(parts: Sequence[Part], wanted: Mapping[int, Sequence[ParametricSurface]]) -> Scene:
     surfaces = [k for k, part in enumerate(parts) if isinstance(part.geometry, BSplineSurface | Quadric)]
     most = _MOST_VERTICES // max(1, len(surfaces))
     faces: list[SceneFace] = []

@@ -17,6 +17,8 @@ GAP, NEAR = 0.01, 2e-4  # mm, and of the length of a side: sides as near as that
 ANGLE = 0.1  # degrees between normals that still is G1
 BEND = 0.01  # jump of the mean curvature over the larger one that still is G2
 _FLAT = 1e-4  # over the size of all: curvatures below are none
+_MOST_SIDES = 8000
+_FEW = slice(6, -6, 12)  # of the points of a side: they tell which sides it does not meet, away from its ends
 _COVERED = 0.9  # of the points of a side that has a neighbour
 ORDERS = ("free", "G0", "G1", "G2")
 
@@ -79,9 +81,12 @@ def shared_edges(
     Notes
     -----
     A side has a neighbour where nine tenths of its points lie on another side, of its own face or another. The order
-    is that of the places where they meet worst. On surfaces that share an edge and the tangent planes there all
-    curvatures agree where the mean ones do, except along lines on which the edge is no help (an asymptotic tangent).
+    is that of the places where they meet worst. More than 8000 sides are not looked at.
+
+    On surfaces that share an edge and the tangent planes there all curvatures agree where the mean ones do.
     """
+    if len(sides) > _MOST_SIDES:
+        return []
     lengths = np.array([_length(side.points) for _, _, side in sides])
     size = float(np.ptp(np.concatenate([side.points for _, _, side in sides]), axis=0).max()) if sides else 0.0
     boxes = np.array([[side.points.min(axis=0), side.points.max(axis=0)] for _, _, side in sides]).reshape(-1, 2, 3)
@@ -91,13 +96,13 @@ def shared_edges(
         if lengths[k] <= NEAR * size * 1e-2:
             continue  # a point
         slack = GAP + NEAR * lengths[k]
+        few = Side(*(values[_FEW] for values in side))
         near = np.flatnonzero(
             (boxes[:, 0] <= boxes[k, 1] + slack).all(axis=1) & (boxes[:, 1] >= boxes[k, 0] - slack).all(axis=1)
         )
-        meetings = [(j, _meeting(side, sides[j][2], slack)) for j in near.tolist() if j != k]
-        partner, order = _joined(
-            face, [(j, m) for j, m in meetings if m.met.any()], sides, bodies, _FLAT / max(size, GAP)
-        )
+        others = [j for j in near.tolist() if j != k and _meeting(few, sides[j][2], slack).met.any()]
+        meetings = [(j, _meeting(side, sides[j][2], slack)) for j in others]
+        partner, order = _joined(face, meetings, sides, bodies, _FLAT / max(size, GAP))
         if partner is not None and partners.get(partner) == k:
             continue  # drawn from the other side
         if partner is not None:

@@ -5,8 +5,9 @@ slide along u, one for each ruling: with the difference e = T - S of both bounda
 
     slide = (e_a.a' + e_b.b') / (|a'|^2 + |b'|^2),
 
-``|T(u, v) - S(u + slide, v)| <= max |e - slide (a', b')| + max slide^2 |S_uu| / 2 + max |slide|^3 max |S_uuu| / 6``. That bounds the distance of the
-two point sets, either way, and of their boundaries. The slide costs nothing, so a spline of the same poles comes nearer.
+``|T(u, v) - S(u + slide, v)|`` is at most ``|e - slide (a', b')| + slide^2 |S_uu| / 2 + |slide|^3 max |S_uuu| / 6``.
+That bounds the distance of the two point sets, either way, and of their boundaries. What slides costs nothing, so that
+a spline with the same number of poles comes nearer.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ class Slid:
     slide: float
 
 
-def slid_poles(bundle: Bundle, knots: Knots, poles: Array, goal: float) -> Array:
+def slid_poles(bundle: Bundle, knots: Knots, poles: Array, goal: float, drag: float = 1.0) -> Array:
     """Poles of both boundaries that come nearer when the parameter may slide, from those at equal parameters.
 
     Parameters
@@ -62,6 +63,8 @@ def slid_poles(bundle: Bundle, knots: Knots, poles: Array, goal: float) -> Array
         Shape (poles, 2, 3); the first and the last stay.
     goal
         Stop at an error of this size.
+    drag
+        The more of it, the less parameters slide.
     """
     z = nodes(max(12, -(-4 * knots.poles // knots.spans)))
     local = local_values(knots, z)
@@ -70,7 +73,7 @@ def slid_poles(bundle: Bundle, knots: Knots, poles: Array, goal: float) -> Array
     points, slopes, bends = (_boundaries(bundle, t, order) for order in (0, 1, 2))
     size = np.linalg.norm(slopes, axis=1)
     reach = float((size**2 / np.maximum(np.linalg.norm(bends, axis=1), 1e-300)).min())
-    drag = min(1.0, max(_LEAST_DRAG, math.sqrt(goal / (2 * _SHARE * reach))))
+    drag = min(1.0, drag * max(_LEAST_DRAG, math.sqrt(goal / (2 * _SHARE * reach))))
     along = slopes / size[:, None]
     across = np.eye(6) - (1 - drag**2) * along[:, :, None] * along[:, None, :]
     inner, start = design[:, 1:-1], poles.reshape(-1, 6)
@@ -91,7 +94,8 @@ def slid_poles(bundle: Bundle, knots: Knots, poles: Array, goal: float) -> Array
 
 def _boundaries(bundle: Bundle, t: Array, order: int) -> Array:
     """Derivatives of both side by side, shape (t.size, 6)."""
-    return np.einsum("ft,fkd->tkd", bundle.factors.rows(t, order), bundle.vectors).reshape(t.size, -1)
+    values = np.einsum("ft,fkd->tkd", bundle.factors.rows(t, order), bundle.vectors)
+    return np.asarray(values).reshape(t.size, -1)
 
 
 def _solved(inner: Array, across: Array, rest: Array, weights: Array) -> Array:

@@ -92,7 +92,7 @@ def optimize(
     elif found:
         tables.print_table(
             ("name", f"{objective} before", "after", "design variables", "remark"),
-            [_row(name, one) for name, one in found.items()],
+            [_row(name, one, content[name]) for name, one in found.items()],
         )
     for first, second in _parted(content, result, found):
         tables.message(f"Warning: {first!r} and {second!r} met before, and do so no longer")
@@ -163,8 +163,12 @@ def _with_shapes(model: Model, found: Mapping[str, Optimum]) -> Model:
     return dataclasses.replace(model, shapes=shapes)
 
 
-def _row(name: str, optimum: Optimum) -> list[str]:
-    gammas = ", ".join(f"{key} ({a:.6g}, {b:.6g})" for key, (a, b) in optimum.gamma.items())
+def _row(name: str, optimum: Optimum, given: Any) -> list[str]:
+    from gtcad._design_space import variables_of
+
+    before = variables_of(given)
+    moved = {key: pair for key, pair in optimum.gamma.items() if pair != before[key]}
+    gammas = ", ".join(f"{key} ({a:.6g}, {b:.6g})" for key, (a, b) in moved.items()) or "as given"
     remark = "interrupted" if optimum.interrupted else "" if optimum.converged else "no minimum yet"
     if "solved" in optimum.setting:
         remark = ", ".join(filter(None, (remark, optimum.setting.partition(",")[0])))

@@ -40,6 +40,7 @@ METHODS: tuple[Method, ...] = get_args(Method)
 _STARTS = 3  # valleys of a swarm that are gone down
 _RULES = (1, 2, 4)  # times the usual nodes of a quadrature
 _AGREE = 1e-5  # relative: what a search's quadrature may be off by at its end; else it is run again with more nodes
+_NOTHING = 1e-13  # relative: what a better design has to gain
 _SURE = 1e-6  # relative: the error of the value of a minimum
 
 
@@ -283,34 +284,33 @@ class _Run:
     def optimum(self, on_step: Callable[[Progress], None] | None, keep_interrupted: bool) -> Optimum:
         start = self.space.start
         begun = self._measured(self.space.shape_at(start))
-        evaluations = 0
+        evaluations, converged, interrupted = 0, False, False
+        best = history = None
         for factor in _RULES if isinstance(self.objective, str) else _RULES[:1]:
             search = Search(self._problem(factor), on_step)
-            converged = interrupted = False
             try:
                 search.offer(start[None], search.values(start[None]), search.excesses(start[None]))
                 converged = self._search(search, start)
             except KeyboardInterrupt:
-                if not keep_interrupted or search.excess > 0:
+                interrupted, converged = True, False
+                if not keep_interrupted or (search.excess > 0 and best is None):
                     raise
-                interrupted = True
             evaluations += search.evaluations
-            best, value, excess = search.best
-            if excess > 0:
-                raise NoFeasibleDesign(self.objective_name, evaluations, excess)
-            if not math.isfinite(value):
-                raise InputError(f"objective {self.objective_name} is finite for no design that was looked at")
-            shape = self.space.shape_at(best)
-            found = self._measured(shape)
-            span = max(abs(found), search.largest - found)
+            if search.excess == 0 or not interrupted:
+                best, value = self._checked(search, evaluations), search.value
+                found, history = self._measured(self.space.shape_at(best)), search.history or [value]
+                span = max(abs(found), search.largest - found)
             if interrupted or not isinstance(self.objective, str) or abs(found - value) <= _AGREE * span:
                 break
+        assert best is not None
+        if begun - found <= _NOTHING * span and (self.excess is None or self.excess(start) == 0):
+            best, found = start, begun  # rounding is no reason to move
         return Optimum(
-            shape=shape,
+            shape=self.space.shape_at(best),
             gamma=self.space.gammas(best),
             value=found,
             start_value=begun,
-            history=np.array(search.history or [value]),
+            history=np.array(history),
             evaluations=evaluations,
             seed=self.seed,
             method=self.method,
@@ -319,6 +319,20 @@ class _Run:
             converged=converged and not found.error > _SURE * span,
             interrupted=interrupted,
         )
+
+    def _checked(self, search: Search, evaluations: int) -> Array:
+        """The best design.
+
+        Raises
+        ------
+        NoFeasibleDesign, InputError
+            When there is none that may be returned.
+        """
+        if search.excess > 0:
+            raise NoFeasibleDesign(self.objective_name, evaluations, search.excess)
+        if not math.isfinite(search.value):
+            raise InputError(f"objective {self.objective_name} is finite for no design that was looked at")
+        return search.design
 
     @property
     def objective_name(self) -> str:

@@ -53,6 +53,8 @@ def draw_convergence(optimum: Optimum, path: str | os.PathLike[str], *, title: s
             lower.semilogy(places[above], gaps[above], color=LINE, linewidth=2, marker=".", markersize=4)
         else:
             lower.text(0.5, 0.5, "the same value throughout", transform=lower.transAxes, ha="center", color=INK)
+        lower.yaxis.set_major_formatter(lambda value, _: f"{value:.3g}")
+        lower.yaxis.set_minor_formatter(lambda *_: "")
         lower.set_ylabel("above the result", color=INK)
         lower.set_xlabel("iteration", color=INK)
         for axes in (upper, lower):

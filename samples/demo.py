@@ -19,7 +19,7 @@ from gtcad import cli
 
 SAMPLES = Path(__file__).parent
 TOLERANCE = "1e-4"
-COLUMNS = "{:<18}{:>6}{:>7}{:>7}{:>21}{:>9}  {}"
+COLUMNS = "{:<24}{:>6}{:>7}{:>7}{:>21}{:>9}  {}"
 
 
 @dataclass(frozen=True)

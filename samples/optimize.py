@@ -60,7 +60,7 @@ def boat() -> Design:
     """The side of a boat, enveloped by planes."""
     plate = gtcad.load_model(SAMPLES / "hull-plate.toml")["side"]
     assert isinstance(plate, SeparableSurface)
-    return Design("enveloping: the side of a boat", plate, "dual-variation", (62, 22), "m")
+    return Design("enveloping: the side of a boat", plate, "dual-variation", (75, 28), "m")
 
 
 def chute() -> Design:
@@ -89,11 +89,12 @@ DESIGNS: tuple[Callable[[], Design], ...] = (boat, chute, collar, hood)
 
 
 def canopy() -> Design:
-    """A canopy over a net of boundary control points, of least Dirichlet energy inside."""
+    """A canopy inside a net of boundary control points: the extremal for every gamma, as published."""
     t = np.linspace(0, 1, 4)
     x, y = np.meshgrid(6 * t, 4 * t, indexing="ij")
     z = 2.5 + 1.5 * np.cos(np.pi * x / 6) * np.cos(np.pi * y / 4) - 0.8 * np.sin(np.pi * y / 4)
-    return Design("canopy", dirichlet_extremal(np.stack([x, y, z], axis=-1)), "area", (-60, 28), "m")
+    film = dirichlet_extremal(np.stack([x, y, z], axis=-1))
+    return Design("canopy, its edges free to move with gamma", film, "dirichlet", (-60, 28), "m")
 
 
 @cache
@@ -115,7 +116,7 @@ def draw_developables(path: Path) -> None:
         flat.set_aspect("equal")
         flat.tick_params(labelsize=7)
         flat.set_title(f"flat, in {design.unit}", fontsize=10, color=INK)
-        flat.legend(fontsize=8, frameon=False)
+        flat.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(0, -0.15), ncols=2)
     figure.savefig(path, dpi=80)
     plt.close(figure)
 
@@ -159,9 +160,9 @@ def draw_pair(place: SubFigure, design: Design, best: Optimum, columns: int) -> 
 def draw_space(axes: Axes3D, points: Array, colors: Array, view: tuple[float, float]) -> None:
     x, y, z = np.moveaxis(points, 2, 0)
     axes.plot_surface(x, y, z, facecolors=colors, rstride=1, cstride=1, linewidth=0, antialiased=False, shade=False)
-    for line in (*points[:: CELLS // 8], points[:, 0], points[:, -1]):
-        axes.plot(*line.T, color=INK, linewidth=0.5)
-    axes.set_box_aspect(np.maximum(np.ptp(points, axis=(0, 1)), 1e-9), zoom=1.15)
+    for line in (points[0], points[-1], points[:, 0], points[:, -1]):
+        axes.plot(*line.T, color=INK, linewidth=0.8)
+    axes.set_box_aspect(np.maximum(np.ptp(points, axis=(0, 1)), 1e-9), zoom=1.2)
     axes.view_init(elev=view[1], azim=view[0])
     axes.set_axis_off()
 

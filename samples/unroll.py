@@ -64,7 +64,11 @@ def draw_samples(path: Path) -> None:
         draw_sheet(right, sheet_of(model, name, bends))
         sheets = "one of six" if len(shapes) > 1 else "flat"
         area, around = pattern_of(model[name]).area, sheet_of(model, name, 0).cut[0].length
-        right.set_title(f"{sheets}: {area:.5g} {model.unit}², {around:.5g} {model.unit} around", fontsize=11, color=INK)
+        right.set_title(
+            f"{sheets}: {figure_of(area)} {model.unit}², {figure_of(around)} {model.unit} around",
+            fontsize=11,
+            color=INK,
+        )
     figure.savefig(path, dpi=80)
     plt.close(figure)
 
@@ -98,6 +102,10 @@ def draw_gamma(path: Path) -> None:
 def with_gamma(curve: SeparableCurve, gamma: tuple[float, float]) -> gtcad.Curve:
     assert isinstance(curve, gtcad.Curve)
     return gtcad.Curve(curve.control_points, gamma)
+
+
+def figure_of(value: float) -> str:
+    return f"{value:.0f}" if value > 100 else f"{value:.3f}"
 
 
 def patches_of(shape: Any) -> Sequence[SeparableSurface]:

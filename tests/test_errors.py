@@ -16,6 +16,7 @@ from gtcad.errors import (
     KernelMissing,
     ModelError,
     NoFeasibleDesign,
+    NotDevelopable,
     SingularDevelopable,
     SingularJoin,
     ToleranceBelowPrecision,
@@ -59,6 +60,12 @@ INSTANCES: list[tuple[GtcadError, type[Exception], dict[str, object], str]] = [
         ValueError,
         {"reason": "the planes stand still", "t": 0.25},
         "the planes stand still at t = 0.25",
+    ),
+    (
+        NotDevelopable("its tangent plane twists", twist_deg=45.0, parameter=0.25),
+        ValueError,
+        {"reason": "its tangent plane twists", "twist_deg": 45.0, "parameter": 0.25},
+        "its tangent plane twists",
     ),
     (
         NoFeasibleDesign("length", 3000, 2.5),

@@ -95,6 +95,7 @@ ORDER = [
     "gtcad.converters.arcs",
     "gtcad.converters.search",
     "gtcad.converters.fit",
+    "gtcad.converters.sliding",
     "gtcad.converters.developable_fit",
     "gtcad.converters.limits",
     "gtcad.converters.spline_parts",

@@ -26,7 +26,8 @@ SAMPLES = Path(__file__).parent.parent / "samples"
 SCHEMA = schema()
 KINDS = (
     "curve, composite, circle, ellipse, arc, parabola, surface, "
-    "ruled, cylinder, cone, swept, swung, rotation, sweep, lofted, coons, plateau, tb_coons, quilt, solid"
+    "ruled, cylinder, cone, swept, swung, rotation, sweep, lofted, coons, enveloping, spine-developable, "
+    "geodesic-developable, quasi-developable, plateau, tb_coons, quilt, solid"
 )
 ARCH: dict[str, Any] = {"name": "arch", "kind": "curve", "control_points": [[0, 0], [1, 2], [2, 0]]}
 ROOF: dict[str, Any] = {

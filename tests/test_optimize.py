@@ -384,6 +384,17 @@ def test_an_interrupt_keeps_the_best_so_far() -> None:
             optimize(CURVE, "curvature-variation", method=method, on_step=stop)  # type: ignore[arg-type]
 
 
+def test_rounding_is_no_reason_to_move() -> None:
+    """The curvature of a circle does not vary, but for rounding."""
+    for method in METHODS:
+        found = optimize(QUARTER, "curvature-variation", method=method, iterations=10)
+        assert found.shape == QUARTER
+        assert found.gamma == {"gamma": (0.0, 0.0)}
+        assert found.converged
+    done = optimize(CURVE, "energy")
+    assert optimize(done.shape, "energy", seed=1).gamma == done.gamma
+
+
 def test_nodes_are_added_where_a_rule_is_too_coarse() -> None:
     """Nearly a cusp: the curvature is a spike between the nodes."""
     loop = Curve([(0, 0), (3, 1.002), (0, 1), (3, 0)])

@@ -30,6 +30,7 @@ _TopoDS = kernel_module("TopoDS")
 
 SAMPLES = (33, 257)  # of each edge: the least and the most, four in each span in between
 _COARSE = 1e-6  # mm: a gap at equal parameters beyond which the nearest point of the surface is looked for
+_COLLAPSED = 1e-6  # relative: a derivative shorter than that, for the longest along the edge, is none
 _SINGULAR = 1e-9  # relative: a normal shorter than that, for the lengths of the derivatives, is none
 
 
@@ -388,9 +389,12 @@ def _bending(derivatives: Array, tangents: Array, outward: float) -> tuple[Array
     du, dv, duu, dvv, duv = derivatives.transpose(1, 0, 2)
     normals = np.cross(du, dv)
     lengths = np.linalg.norm(normals, axis=1)
-    sizes = np.linalg.norm(du, axis=1) * np.linalg.norm(dv, axis=1)
+    sizes = np.linalg.norm(du, axis=1), np.linalg.norm(dv, axis=1)
+    regular = lengths > _SINGULAR * sizes[0] * sizes[1]
+    for size in sizes:
+        regular &= size > _COLLAPSED * size.max()  # at a point where a row of poles meets, rounding makes the normal
     with np.errstate(invalid="ignore", divide="ignore"):
-        normals = np.where((lengths > _SINGULAR * sizes)[:, None], normals / lengths[:, None], np.nan)
+        normals = np.where(regular[:, None], normals / lengths[:, None], np.nan)
         across = np.cross(normals, tangents)
         metric = np.stack([[(du * du).sum(1), (du * dv).sum(1)], [(du * dv).sum(1), (dv * dv).sum(1)]])
         e, f, g = metric[0, 0], metric[0, 1], metric[1, 1]

@@ -23,6 +23,8 @@ _TopAbs = kernel_module("TopAbs")
 _TopExp = kernel_module("TopExp")
 _TopoDS = kernel_module("TopoDS")
 
+_ON_SIDE = 1e-6  # mm
+
 
 class ShapeKey:
     """A shape as a key of dictionaries: all uses of it in the same place are one, whichever way they run.
@@ -127,7 +129,10 @@ def is_periodic_spline(piece: Any) -> bool:
 
 
 def fills(face: Any, bounds: Bounds) -> bool:
-    """Whether the boundary of a face runs along the sides of a parameter rectangle, within the edges' tolerance."""
+    """Whether the boundary of a face runs along the sides of a parameter rectangle.
+
+    It does within the edges' tolerances, but at most 1e-6 mm: proofs take such a face for the whole rectangle.
+    """
     wires = subshapes(face, "WIRE")
     if len(wires) > 1:
         return False
@@ -136,7 +141,7 @@ def fills(face: Any, bounds: Bounds) -> bool:
 
 
 def _on_side(edge: Any, face: Any, surface: Any, bounds: Bounds) -> bool:
-    tolerance = _BRep.BRep_Tool.Tolerance_s(edge)
+    tolerance = min(_BRep.BRep_Tool.Tolerance_s(edge), _ON_SIDE)
     slack_u, slack_v = surface.UResolution(tolerance), surface.VResolution(tolerance)
     u0, u1, v0, v1 = bounds
     for use in (edge, as_edge(edge.Reversed())):

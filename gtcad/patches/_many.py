@@ -43,7 +43,7 @@ class ExtremalEnergies:
 
     Notes
     -----
-    Setting up costs about 5 ms; then 3000 energies of degrees (3, 3) take about 20 ms, of (8, 8) 0.6 s.
+    3000 energies of degrees (3, 3) take about 15 ms, of (8, 8) 0.4 s, and 30 of degrees (3, 3) 0.5 ms.
     """
 
     def __init__(

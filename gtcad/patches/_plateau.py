@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -19,6 +20,7 @@ Contour = Coons | Sequence[SeparableCurve]
 Setting = Literal["free boundary", "fixed contour"]
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class Plateau(Coons):
     """A patch over a fixed contour: ``S = Coons(c0, c1, d0, d1) + sum_ij f_i(u) f_j(v) Q_ij``, 0 < i < n, 0 < j < m.
 

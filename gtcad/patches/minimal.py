@@ -103,8 +103,8 @@ def extremal(
 
     Notes
     -----
-    The linear system is solved in orthonormal interior functions: energies are least to rounding, control points to
-    about 1e-15 at degree 3, 1e-11 at 12. Cost at degrees (8, 8): 3 ms.
+    The linear system is solved in orthonormal interior functions: energies are least to rounding; control points are
+    accurate to about 1e-15 of the size at degree 3, 1e-12 at 8, 1e-9 at 12. Cost: 1 ms, at degrees (8, 8) 3 ms.
     """
     points = boundary_filled(net)
     base = Surface(points, gamma_u, gamma_v, family, family)
@@ -191,8 +191,8 @@ def harmonic_residual_extremal(
 
     Notes
     -----
-    The problem with two sides given is ill-conditioned like all continuation of harmonic functions: up to degree 8 the
-    residual is least to about 1e-9, above that small residuals may be had with large control points.
+    The problem with two sides given is ill-conditioned like all continuation of harmonic functions: the residual is
+    least to rounding, but control points are accurate to about 1e-8 of the size at degree 8, and hardly at all from 12.
 
     References
     ----------

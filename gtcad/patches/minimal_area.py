@@ -125,6 +125,8 @@ def least_area(patch: Surface | Plateau) -> LeastArea:
         moved = _moved(found, functional, result.x)
         size = area(moved)
         if not size <= best:
+            if math.isinf(steepness):  # the patch was at a minimum already
+                steepness = float(np.linalg.norm(functional.gradient(np.zeros(unknowns)))) / scale
             break
         found, best, steps = moved, size, steps + int(result.nit)
         steepness = float(np.linalg.norm(result.jac)) / scale

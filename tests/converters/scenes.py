@@ -23,7 +23,8 @@ def patch(origin, u, v, height: float = 0.0) -> Surface:
     origin, u, v = (np.array(vector, dtype=float) for vector in (origin, u, v))
     t = np.array([0.0, 0.5, 1.0])
     points = origin + t[:, None, None] * u + t[None, :, None] * v
-    points[1, 1] += height * np.cross(u, v) / np.linalg.norm(np.cross(u, v))
+    up = np.cross(u / np.abs(u).max(), v / np.abs(v).max())
+    points[1, 1] += height * up / np.linalg.norm(up)
     return Surface(points, family_u=BERNSTEIN, family_v=BERNSTEIN)
 
 

@@ -113,6 +113,9 @@ def test_what_cannot_be_drawn_is_refused() -> None:
     pattern = plate()
     with pytest.raises(InputError, match="a hole must be a closed curve"):
         draw_pattern(pattern, tolerance=1e-2, holes=[pattern.image(SLIT)])
+    eight = pattern.image(lambda t: 0.5 + 0.3 * np.stack([np.sin(2 * np.pi * t), np.sin(4 * np.pi * t)], axis=1))
+    with pytest.raises(InputError, match="a hole must not cross itself"):
+        draw_pattern(pattern, tolerance=1e-2, holes=[eight])
     with pytest.raises(ToleranceBelowPrecision):
         draw_pattern(pattern, tolerance=1e-14)
 

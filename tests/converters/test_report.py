@@ -24,9 +24,9 @@ from gtcad.converters.report_view import EDGES, MAPS
 from gtcad.converters.report_words import headline, lines_of
 from gtcad.converters.scene import scene_of_parts
 from gtcad.converters.step import write_step
-from gtcad.converters.verdicts import Row
+from gtcad.converters.verdicts import Histogram, Row, Worst
 from gtcad.errors import ExtraMissing, FileError, InputError
-from tests.converters.scenes import face, outcome, strip, strip_outcome
+from tests.converters.scenes import face, outcome, patch, strip, strip_outcome
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 ARGUMENTS = [
@@ -530,6 +530,23 @@ def test_hostile_names_are_texts(browser, tmp_path: Path) -> None:
     opened.page.close()
 
 
+def test_numbers_that_are_none_do_not_stop_a_report(browser, tmp_path: Path) -> None:
+    nothing = (float("nan"), float("inf"), 0.0)
+    scene = scene_of_parts([face("far", patch([0, 0, 0], [1e160, 0, 0], [0, 1e160, 0], 1e159))])
+    row = Row("far", "undecided", (0.0, float("inf")), worst=Worst((0.5, 0.5), nothing, nothing), face=(0,))
+    finding = Finding("G", "c", "error", "face 1 'far'", float("nan"), float("inf"), "mm", nothing, "")
+    readiness = Readiness("cam", (), (finding,), {"size_mm": float("inf")})
+    made = outcome(report=Report((row,), ()), scene=scene, readiness=readiness, code=5)
+    for suffix in ("html", "png", "pdf"):
+        write_report(tmp_path / f"far.{suffix}", [made])
+    opened = Opened(browser, tmp_path / "far.html")
+    for number in range(2):
+        opened.click(f"tbody button.name >> nth={number}")
+    assert opened.rows("tr.chosen") == ["G"]
+    assert opened.errors == []
+    opened.page.close()
+
+
 def test_half_letters_in_names_do_not_stop_a_report(tmp_path: Path) -> None:
     made = outcome(file="part\ud800.step", message="\udcff", code=3)
     for suffix in ("html", "png"):
@@ -608,6 +625,33 @@ def test_the_page_prints_with_its_picture(browser, report: Path) -> None:
     assert opened.page.is_visible("canvas")
     assert opened.page.evaluate("document.documentElement.scrollWidth") <= 703
     assert (opened.picture() != 255).any(axis=2).mean() > 0.05
+    opened.page.close()
+
+
+def test_wide_tables_fit_paper(browser, tmp_path: Path) -> None:
+    """A4 without its margins is 703 pixels wide."""
+    worst = Worst((0.123456, 0.654321), (-1234.5678, -2345.6789, -3456.789), (-1.234e-5, -2.345e-5, -3.456e-5))
+    told = "all faces; closed solid, 19498.2227 mm^3 by the kernel"
+    rows = [
+        Row(
+            f"turbine blade.pressure side {k}",
+            "undecided",
+            (5.48e-4, 5.52e-4),
+            told,
+            told,
+            worst,
+            Histogram((0, 1), (3,)),
+        )
+        for k in range(3)
+    ]
+    made = strip_outcome()
+    write_report(
+        tmp_path / "wide.html", [outcome(report=Report(tuple(rows), ()), scene=made.scene, readiness=ready(made))]
+    )
+    opened = Opened(browser, tmp_path / "wide.html")
+    opened.page.set_viewport_size({"width": 703, "height": 1000})
+    opened.page.emulate_media(media="print")
+    assert opened.page.evaluate("document.documentElement.scrollWidth") <= 703
     opened.page.close()
 
 

@@ -275,6 +275,12 @@ def test_a_point_is_no_curve() -> None:
 # --- the whole --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("size", [1e-30, 1e160])
+def test_sizes_beyond_all_use_are_no_errors(size: float) -> None:
+    (held,) = scene_of_parts([face("odd", patch([0, 0, 0], [size, 0, 0], [0, size, 0], size / 10))]).faces
+    assert held.vertices.max() == pytest.approx(size)
+
+
 def test_an_empty_file_is_an_empty_scene() -> None:
     scene = scene_of_parts([])
     assert (scene.faces, scene.curves) == ((), ())

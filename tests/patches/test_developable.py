@@ -24,7 +24,7 @@ PLANES = [(1, 0, 0.2, 0), (0.5, 1, 0.3, 0.6), (-0.5, 1, 0.8, 1), (-1, 0.2, 1, 0.
 KNOWN = PlaneFamily(PLANES, (0.3, -0.2))
 SPINE = Curve([[0, 0, 0], [10, 20, 5], [20, 25, 20], [30, 10, 25], [40, 0, 10]], (0.2, -0.3))
 T = np.linspace(0, 1, 41)
-PATCHES = regular_patches(12)
+PATCHES = regular_patches(6)
 TURN = 2 * math.pi
 
 
@@ -234,7 +234,7 @@ MOVABLE.append(spine_developable(PlaneFamily(np.array(PLANES) * [1, 1, 1, 20], (
 
 
 @pytest.mark.parametrize("patch", MOVABLE, ids=["enveloping", "curve", "tangent", "geodesic", "edge of regression"])
-@pytest.mark.parametrize("matrix", [2 * rotation(0.7), np.diag([1.0, 1, -3]) / 3 * 3, -0.5 * rotation(2.0), SHEAR])
+@pytest.mark.parametrize("matrix", [2 * rotation(0.7), -0.5 * rotation(2.0), SHEAR])
 def test_affine_images(patch, matrix):
     offset = np.array([7.0, -3.0, 100.0])
     image = patch.transformed(matrix, offset)
@@ -292,13 +292,13 @@ def test_wrong_arguments():
 # What is singular
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(24))
 def test_a_patch_is_refused_just_where_its_edge_of_regression_meets_it(seed):
     assert_refused_rightly(seed)
 
 
 @pytest.mark.stress
-@pytest.mark.parametrize("start", range(40, 900, 20))
+@pytest.mark.parametrize("start", range(24, 904, 20))
 def test_a_patch_is_refused_just_where_its_edge_of_regression_meets_it_stress(start):
     for seed in range(start, start + 20):
         assert_refused_rightly(seed)
@@ -315,7 +315,7 @@ def assert_refused_rightly(seed):
     assert caught.value.t == pytest.approx(expected, abs=1e-10)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("place", [0.0, 0.23, 0.5, 0.8712, 1.0])
 def test_a_plane_that_stands_still_is_found(seed, place):
     family = random_family(seed)

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from gtcad import BERNSTEIN, GT, Curve, Surface
 from gtcad.basis import Basis
+from gtcad.design_variables import design_rate, design_variables, with_design_variables
 from gtcad.errors import InputError
 from gtcad.factors import CurveOfTerms, Waves
 from gtcad.measure import area, dirichlet_energy
@@ -301,6 +302,21 @@ def test_a_plateau_is_a_value() -> None:
     assert repr(patch) == "Plateau(GT, degrees=(3, 4), gamma_u=(0.4, -0.7), gamma_v=(-1.0, 0.2))"
     with pytest.raises(ValueError, match="read-only"):
         copy.interior[0] = 0
+
+
+def test_design_variables_of_a_plateau() -> None:
+    patch = Plateau(*FRAME, INTERIOR, *TILTS)
+    found = design_variables(patch)
+    assert found["gamma_u"] == TILTS[0]
+    changed = with_design_variables(patch, {"gamma_v": (0.25, 0.5), "c1": (1.0, 0.0)})
+    assert isinstance(changed, Plateau)
+    assert (changed.gamma_v, changed.c1.gamma) == ((0.25, 0.5), (1.0, 0.0))
+    assert np.array_equal(changed.interior, patch.interior)
+    step = 1e-3
+    other = with_design_variables(patch, {"gamma_u": (TILTS[0][0] + step, TILTS[0][1])})
+    rate = design_rate(patch, "gamma_u[0]").evaluate(T[:, None], T)
+    moved = other.evaluate(T[:, None], T) - patch.evaluate(T[:, None], T)
+    assert abs(moved / step - rate).max() <= 1e-9  # affine in each variable
 
 
 # --- many at once -----------------------------------------------------------------------------------------------------

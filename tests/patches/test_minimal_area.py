@@ -138,6 +138,7 @@ def test_a_least_area_is_stationary_and_keeps_the_boundary() -> None:
             assert functional.value(z) > functional.value(here) * (1 - 1e-9)
         again = least_area(found.patch)
         assert again.area == pytest.approx(found.area, rel=1e-8)
+        assert again.gradient <= 1e-4
 
 
 def test_straight_edges_give_the_settings_one_minimum() -> None:
