@@ -10,7 +10,7 @@ import json
 import os
 import time
 import warnings
-from collections.abc import Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -122,12 +122,15 @@ def _key(job: Job) -> str:
 # --- side by side -----------------------------------------------------------------------------------------------------
 
 
-def attempt(job: Job, runner: Runner) -> tuple[Job, Outcome]:
+Work = Callable[[Job], Outcome]
+
+
+def attempt(job: Job, runner: Runner, work: Work) -> tuple[Job, Outcome]:
     """The job and what became of it, errors included."""
     started = time.monotonic()
     try:
         check_files(job)
-        return job, runner.run(run_job, job)
+        return job, runner.run(work, job)
     except (GtcadError, OSError, RuntimeError) as error:
         return job, failed(job, error, time.monotonic() - started)
 
@@ -136,7 +139,7 @@ def _in_threads(jobs: Sequence[Job], runner: Runner, workers: int) -> Generator[
     from joblib import Parallel, delayed  # type: ignore[import-untyped]
 
     parallel = Parallel(n_jobs=workers, backend="threading", return_as="generator_unordered", pre_dispatch="n_jobs")
-    found = parallel(delayed(attempt)(job, runner) for job in jobs)
+    found = parallel(delayed(attempt)(job, runner, run_job) for job in jobs)
     try:
         for ended in found:  # noqa: UP028 - `yield from` would close the threads before their processes
             yield ended
@@ -147,9 +150,9 @@ def _in_threads(jobs: Sequence[Job], runner: Runner, workers: int) -> Generator[
             found.close()
 
 
-def attempt_on_worker(job: Job, timeout: float | None, memory: int | None) -> Outcome:
+def attempt_on_worker(job: Job, timeout: float | None, memory: int | None, work: Work) -> Outcome:
     """What became of a job on a worker of a cluster."""
-    return attempt(job, Runner(timeout, memory))[1]
+    return attempt(job, Runner(timeout, memory), work)[1]
 
 
 def _on_cluster(jobs: Sequence[Job], scheduler: str, runner: Runner) -> Generator[tuple[Job, Outcome], None, None]:
@@ -165,7 +168,8 @@ def _on_cluster(jobs: Sequence[Job], scheduler: str, runner: Runner) -> Generato
         raise FileError(scheduler, f"no scheduler answers: {error}") from error
     with client:
         futures = {
-            client.submit(attempt_on_worker, job, runner.timeout, runner.memory, pure=False): job for job in jobs
+            client.submit(attempt_on_worker, job, runner.timeout, runner.memory, run_job, pure=False): job
+            for job in jobs
         }
         try:
             for future in in_order_of_ends(list(futures), loop=client.loop):

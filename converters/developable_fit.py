@@ -36,6 +36,7 @@ _ROUNDS = 12  # of tightening
 _EAGER = 0.8  # each takes a little more than seems needed
 _SPANS_OF_A_FAILURE = 64
 _DRAGS = (1.0, 0.5, 2.5)  # tried in this order; with less drag parameters slide farther
+_FEW_POLES = 40  # more take long to slide
 _NEAR, _NEARER = 0.97, 0.85  # of the tolerance: what knots and poles are searched for
 
 
@@ -90,7 +91,8 @@ def fit_developable(
         Largest number of knot spans.
     sliding
         Whether parameters u may be held against slightly different ones where that saves poles: the point sets, and
-        their boundaries, are within the tolerance all the same. False for a face that shares knots with others.
+        their boundaries, are within the tolerance all the same. Up to 40 poles, and without ``max_twist_deg``. False for
+        a face that shares knots with others.
 
     Raises
     ------
@@ -121,6 +123,7 @@ def fit_developable(
     if not (tolerance > 0 and math.isfinite(tolerance)):
         raise InputError(f"tolerance must be a finite number above 0, got {tolerance}")
     side = Side(_boundaries(patch), (degree,), continuity, 0, max_spans)
+    sliding = sliding and max_twist_deg is None
     found = _fitted(patch, side, float(tolerance), sliding)
     for _ in range(_ROUNDS):
         if max_twist_deg is None or found.twist_deg[1] <= max_twist_deg:
@@ -187,7 +190,7 @@ def _fitted(patch: SeparableSurface, side: Side, tolerance: float, sliding: bool
 def _with_fewer(side: Side, found: _Found, tolerance: float, definition_error: float) -> _Found | None:
     """A face with fewer poles whose parameters slide."""
     count = len(found.spline.control_points)
-    one = side.adapted(count - 1, _NEAR * tolerance) if count > side.least else None
+    one = side.adapted(count - 1, _NEAR * tolerance) if side.least < count <= _FEW_POLES else None
     if one is None or one.knots.poles >= count:
         return None
     start = _poles(one, side.bundle)

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 _LINES = {1: 257, 2: 49}
 _TRIMMED_LINES = 33
 _WORST, _ROUNDS, _FINER = 3, 3, 5  # places that are looked at more closely, how often, and into how many parts
-_SUSPECTS = 12
+_SUSPECTS = 400  # points that are looked at by subdivision, if none of them decides
 _GAIN = 1e-3  # relative: what a face must promise to be nearer, to be asked
 _ENOUGH = 0.25  # of the tolerance: a search that comes so near is not begun again
 
@@ -39,9 +39,9 @@ class Estimate:
     figure_points
         Shape (n, 3).
     vectors
-        From there to what the file holds, shape (n, 3).
+        From there to what the file holds, shape (n, 3); NaN where no nearest point is known.
     distances
-        Their lengths; shape (n,).
+        Their lengths, or what they are at most; shape (n,).
     spacing
         The largest distance of neighbouring samples, in mm.
     """
@@ -88,30 +88,37 @@ def estimated(figure: Figure, pieces: Sequence[Figure], tolerance: float, suspec
     found = [samples for samples, _ in sides]
     verdict = _verdict(figure, pieces, found, tolerance)
     places, points, others, distances = _columns(found)
+    vectors = others - points
     if verdict == "estimated":  # a search may end too far away, where subdivision finds a nearer point
+        vectors[distances > tolerance] = np.nan
         distances = np.minimum(distances, tolerance)
-    return Estimate(verdict, places, points, others - points, distances, spacing)
+    return Estimate(verdict, places, points, vectors, distances, spacing)
 
 
 def _verdict(
     figure: Figure, pieces: Sequence[Figure], found: Sequence[_Samples], tolerance: float
 ) -> Literal["estimated", "failed", "undecided"]:
-    verdict: Literal["estimated", "undecided"] = "estimated"
-    for samples in found:
-        own, targets = (samples.points, pieces) if samples.from_figure else (samples.others, (figure,))
-        far = samples.distances
-        for place in np.argsort(-far)[:_SUSPECTS]:
-            if far[place] <= tolerance:
-                break
-            answers = [target.is_farther(own[place], tolerance) for target in targets]
-            if all(answer is True for answer in answers):
-                return "failed"
-            if not any(answer is False for answer in answers):
-                verdict = "undecided"
-        else:
-            if np.count_nonzero(far > tolerance) > _SUSPECTS:
-                verdict = "undecided"
-    return verdict
+    answers = [
+        _suspects(samples.points, pieces, samples.distances, tolerance)
+        if samples.from_figure
+        else _suspects(samples.others, (figure,), samples.distances, tolerance)
+        for samples in found
+    ]
+    return next((verdict for verdict in ("failed", "undecided") if verdict in answers), "estimated")
+
+
+def _suspects(
+    points: Array, targets: Sequence[Figure], distances: Array, tolerance: float
+) -> Literal["estimated", "failed", "undecided"]:
+    """What subdivision tells of the points that the search left farther than the tolerance."""
+    far = np.argsort(-distances)[: np.count_nonzero(distances > tolerance)]
+    for count, place in enumerate(far):
+        answers = [target.is_farther(points[place], tolerance) for target in targets]
+        if all(answer is True for answer in answers):
+            return "failed"
+        if count >= _SUSPECTS or not any(answer is False for answer in answers):
+            return "undecided"
+    return "estimated"
 
 
 # --- from the figure to the pieces ------------------------------------------------------------------------------------

@@ -125,7 +125,7 @@ def _certify(model: str, output: str, form: str, tolerance: float, certificate: 
     if outcome.code != Code.FINE:
         tables.message(f"Error: {output} does not pass its check: there is no certificate")
         raise typer.Exit(outcome.code)
-    write_certificate(certificate, certificate_of(outcome, moment and moment.isoformat(timespec="seconds")))
+    write_certificate(certificate, certificate_of(outcome, moment.isoformat(timespec="seconds") if moment else None))
 
 
 def _export_mesh(context: typer.Context, model: str, output: str, tolerance: str, *, as_json: bool) -> None:

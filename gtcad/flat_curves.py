@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 LEAST_WIDTH = 2.0**-12
 """Of [0, 1]: a span as narrow that is not resolved holds a singularity."""
 
+_JOINED = 1e-10  # of the coordinates: ends of pieces as near are one
+
 
 @dataclass(frozen=True, eq=False)
 class FlatCurve:
@@ -185,6 +187,10 @@ def resolved_curve(function: Callable[[Array], Array], breaks: Sequence[float], 
         left += [(middle, end), (start, middle)]
     off = max(float(np.linalg.norm(whole[:, -(whole.shape[1] // 8) :], axis=0).sum()) for _, _, (whole, _) in spans)
     pieces = tuple(polynomial_curve(kept) for _, _, (_, kept) in spans)
+    for (start, _, _), (before, after) in zip(spans[1:], pairwise(pieces), strict=True):
+        ends = before.evaluate(1.0), after.evaluate(0.0)
+        if np.linalg.norm(ends[1] - ends[0]) > 4 * (error + off) + _JOINED * float(np.abs(ends).max()):
+            raise InputError(f"{what} is not resolved near t = {start:.6g}: it has a jump there")
     return FlatCurve(pieces, (spans[0][0], *(end for _, end, _ in spans)), error + off)
 
 

@@ -43,6 +43,7 @@ SIDES = ("u0", "u1", "v0", "v1")
 _OUTLINE = (("v0", False), ("u1", False), ("v1", True), ("u0", True))
 _SAMPLES = 129
 _SINGULAR = 1e-12
+_UNEVEN = 0.381966
 
 
 @dataclass(frozen=True)
@@ -373,8 +374,9 @@ def develop(patch: SeparableSurface, *, twist_deg: float = 1e-6) -> FlatPattern:
 
 
 def polygon(contour: Sequence[FlatCurve], count: int = 256) -> Array:
-    """Points of a closed contour, that many on each of its curves, shape (n, 2)."""
-    t = np.arange(count) / count
+    """Points of a closed contour, that many on each of its curves, shape (n, 2); its corners are among them."""
+    first = 0.0 if len(contour) > 1 else _UNEVEN  # a curve that closes smoothly may cross itself where it begins
+    t = (np.arange(count) + first) / count
     return np.concatenate([curve.evaluate(t) for curve in contour])
 
 

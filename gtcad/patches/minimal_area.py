@@ -228,6 +228,10 @@ def area_bounds(surface: SeparableSurface, *, rtol: float = 1e-9) -> AreaBounds:
     InputError
         When rtol is out of its range.
 
+    Notes
+    -----
+    Cost: a few milliseconds; seconds where the patch has singular points, and then about 1e-5 is left.
+
     Examples
     --------
     A quarter of a tube of radius 1 and length 2: pi.

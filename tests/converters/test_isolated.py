@@ -57,8 +57,9 @@ def test_errors_of_gtcad_come_back_as_they_are() -> None:
 
 
 def test_other_errors_are_faults_of_the_program_and_bring_their_traceback() -> None:
-    with pytest.raises(ChildError, match="^ZeroDivisionError: division by zero$") as caught:
+    with pytest.raises(ChildError) as caught:
         Runner().run(jobs.divide_by_zero)
+    assert str(caught.value) == "ZeroDivisionError: division by zero"
     assert "in divide_by_zero" in caught.value.__notes__[0]
 
 

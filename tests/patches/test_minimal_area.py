@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gtcad import BERNSTEIN, GT, Curve, Surface
-from gtcad.basis import Basis
+from gtcad.basis import Basis, Family
 from gtcad.errors import InputError
 from gtcad.measure import area, dirichlet_energy
 from gtcad.patches import Plateau, Rotation, area_bounds, dirichlet_extremal, fixed_contour, least_area
@@ -98,7 +98,7 @@ def test_the_derivative_at_many_digits() -> None:
 
 @pytest.mark.parametrize("family", [GT, BERNSTEIN], ids=["GT", "Bernstein"])
 @pytest.mark.parametrize("name", SURFACES)
-def test_areas_of_true_minimal_surfaces(name: str, family: object) -> None:
+def test_areas_of_true_minimal_surfaces(name: str, family: Family) -> None:
     surface = SURFACES[name]()
     start = fixed_contour(surface.contour, 8, family=family)
     found = least_area(start)
@@ -166,6 +166,22 @@ def test_what_has_no_least_area() -> None:
         least_area(Rotation(Curve([[1, 0, 0], [1, 0, 1], [2, 0, 2]]), [0, 0, 0], [0, 0, 1]))
     with pytest.raises(InputError, match="give a patch in space, d = 3"):
         least_area(Surface(np.random.default_rng(1).normal(size=(3, 3, 2))))
+
+
+@pytest.mark.stress
+@settings(max_examples=60)
+@given(seed=st.integers(0, 10**6), n=st.integers(2, 8), k=st.integers(2, 8), family=st.sampled_from([GT, BERNSTEIN]))
+def test_least_areas_of_random_boundaries(seed: int, n: int, k: int, family: Family) -> None:
+    net = random_surface(np.random.default_rng(seed), (n, k), 10.0).control_points
+    start = dirichlet_extremal(net, family=family)
+    found = least_area(start)
+    assert found.area <= found.start <= dirichlet_energy(start) * (1 + 1e-9)
+    bounds = area_bounds(found.patch, rtol=1e-3)
+    assert bounds.lower <= found.area + found.area.error
+    assert found.area - found.area.error <= bounds.upper
+    kept = np.ones(net.shape[:2], dtype=bool)
+    kept[1:-1, 1:-1] = False
+    assert np.array_equal(found.patch.control_points[kept], net[kept])
 
 
 # --- proved bounds ----------------------------------------------------------------------------------------------------
