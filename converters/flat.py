@@ -27,6 +27,7 @@ _STYLES = {
     "BEND": 'stroke="#1f4fb2" stroke-width="0.25" stroke-dasharray="4 2"',
     "MARK": 'stroke="#2a7f3f" stroke-width="0.25"',
 }
+_DASHES = 10.0  # scale of the dashes: about 5 mm each
 _MARGIN = 5.0  # mm around an SVG drawing
 
 
@@ -51,7 +52,7 @@ def write_dxf(path: str | os.PathLike[str], sheets: Sequence[Sheet]) -> None:
     except ImportError as error:
         raise ExtraMissing("DXF files need ezdxf: pip install 'gtcad[flat]'") from error
     document = ezdxf.new("R2010", setup=["linetypes"], units=4)  # type: ignore[attr-defined]
-    document.header["$MEASUREMENT"] = 1
+    document.header["$MEASUREMENT"], document.header["$LTSCALE"] = 1, _DASHES
     for layer in LAYERS:
         document.layers.add(layer, color=_COLORS[layer], linetype="DASHED" if layer == "BEND" else "CONTINUOUS")
     space = document.modelspace()

@@ -111,6 +111,7 @@ def pareto_front(
     seen = _Seen(space, [_vectorised(space, objective) for objective in objectives], tuple(constraints))
     _evolve(seen, int(population), int(generations), int(seed))
     designs, values = seen.front()
+    values.flags.writeable = False
     return Front(
         objectives=tuple(map(_name, objectives)),
         values=values,

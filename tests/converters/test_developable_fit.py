@@ -72,10 +72,9 @@ def test_the_tolerance_is_kept_and_the_twist_bounded(patch, tolerance):
     assert not fit.exact
 
 
-@pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-6])
-def test_parameters_that_slide_save_poles(tolerance):
-    fewer = 0
-    for patch in PATCHES[:4]:
+def test_parameters_that_slide_save_poles():
+    fewer, tolerance = 0, 1e-4
+    for patch in PATCHES:
         fit, equal = (fit_developable(patch, tolerance=tolerance, sliding=sliding) for sliding in (True, False))
         found, slide = sliding_deviation(fit.spline, patch)
         assert found <= fit.deviation[1] <= tolerance
@@ -107,7 +106,7 @@ def test_a_limit_of_the_twist_is_kept(limit):
         assert fit.twist_deg[1] <= limit
         assert sampled_twist(fit.spline) <= limit
         assert fit.deviation[1] <= fit.tolerance <= 1e-2
-        plain = fit_developable(patch, tolerance=fit.tolerance)
+        plain = fit_developable(patch, tolerance=fit.tolerance, sliding=False)
         assert plain.spline.control_points.shape == fit.spline.control_points.shape
 
 
@@ -155,7 +154,7 @@ def test_splines_without_a_bound():
 
 @pytest.mark.parametrize("patch", PATCHES[:4], ids=range(4))
 def test_the_general_fit_takes_developables_as_well(patch):
-    general, own = fit_surface(patch, tolerance=1e-4), fit_developable(patch, tolerance=1e-4)
+    general, own = fit_surface(patch, tolerance=1e-4), fit_developable(patch, tolerance=1e-4, sliding=False)
     assert general.spline.degree_v == 1
     assert general.deviation[1] <= 1e-4
     assert sampled_deviation(general.spline, patch) <= general.deviation[1]
