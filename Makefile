@@ -61,6 +61,8 @@ bench: $(VENV)/.stamp  ## measure against what runs beside it; writes build/benc
 docs: $(VENV)/.stamp  ## render the pictures of the README and the samples into build/
 	$(BIN)/python samples/render.py --output $(BUILD)/pictures
 	$(BIN)/python samples/combs.py --output $(BUILD)/pictures
+	$(BIN)/python samples/minimal.py --output $(BUILD)/pictures
+	$(BIN)/python samples/unroll.py --output $(BUILD)/pictures
 
 clean:  ## remove what was made, the environments included
 	rm -rf $(BUILD) $(VENV) $(VENV8) dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -35,7 +35,7 @@ _ENOUGH = 1.1  # a proved twist so near the sampled one needs no finer parts
 _ROUNDS = 12  # of tightening
 _EAGER = 0.8  # each takes a little more than seems needed
 _SPANS_OF_A_FAILURE = 64
-_DRAGS = (1.0, 0.5, 2.5, 0.25)  # tried in this order; with less drag parameters slide farther
+_DRAGS = (1.0, 0.5, 2.5)  # tried in this order; with less drag parameters slide farther
 _FEW_POLES = 40  # more take long to slide
 _NEAR, _NEARER = 0.97, 0.85  # of the tolerance: what knots and poles are searched for
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -310,7 +311,8 @@ def _whole(shape: Shape) -> Any:
 
 
 def _kind(whole: Any) -> str:
-    return type(whole).__name__.lower().replace("developable", "-developable")
+    """The name of the class as words: "spine-developable", "tb-coons"."""
+    return re.sub("(?<=[A-Z])(?=[A-Z][a-z])|(?<=[a-z])(?=[A-Z])", "-", type(whole).__name__).lower()
 
 
 def _planes(whole: Any) -> PlaneFamily | None:

@@ -192,6 +192,30 @@ def test_boundaries_are_the_sides_of_the_pattern(patch: SeparableSurface) -> Non
         np.testing.assert_allclose(curve.derivative(t), pattern.derivative(u, v, order), atol=1e-8)
 
 
+FAR = np.array([[1, 0, 0], [1, 1, 0], [0, 1, 0]])
+TURNS = Curve([[0, 0, 0], [10, 0.01, 0], [0, 0.02, 0], [10, 0.03, 0]], (0.9, 0.9))
+HARD: dict[str, SeparableSurface] = {
+    "no speed at the start": cylinder(Curve(QUARTER.control_points, (-1, 0.5)), [0, 0, 3]),
+    "no speed at either end": cylinder(Curve(QUARTER.control_points[[0, 0, 1, 2, 2]], (0.2, 0.3)), [0, 0, 3]),
+    "tight turns": cylinder(TURNS, [0, 0, 1]),
+    "degree 20": cylinder(Curve([[k, 3 * math.sin(k), 0] for k in range(21)]), [0, 0, 3]),
+    "tiny": cone(Curve(1e-6 * FAR), [0, 0, 2e-6], (0, 0.5)),
+    "huge": cone(Curve(1e6 * FAR), [0, 0, 2e6], (0, 0.5)),
+    "far away": cylinder(Curve(FAR + 1e5), [0, 0, 3]),
+    "next to the apex": cone(QUARTER, [0, 0, 2], (0.999, 1)),
+}
+
+
+@pytest.mark.parametrize("patch", HARD.values(), ids=HARD)
+def test_hard_cases_keep_their_metric_and_points(patch: SeparableSurface) -> None:
+    pattern = develop(patch)
+    assert isometry_error(pattern) < 1e-10
+    uv = np.random.default_rng(4).random((50, 2))
+    points, size = pattern.point(*uv.T), max(pattern.lengths.values())
+    np.testing.assert_allclose(pattern.point(*pattern.locate(points).T), points, atol=1e-12 * size)
+    assert pattern.overlap is None
+
+
 def test_random_families_keep_their_metric() -> None:
     for patch in regular(40, 7):
         assert isometry_error(develop(patch)) < 1e-9

@@ -18,7 +18,7 @@ _BRepAdaptor = kernel_module("BRepAdaptor")
 _BRepBuilderAPI = kernel_module("BRepBuilderAPI")
 _BRepExtrema = kernel_module("BRepExtrema")
 _BRepTools = kernel_module("BRepTools").BRepTools
-_BRepTopAdaptor = kernel_module("BRepTopAdaptor")
+_IntTools = kernel_module("IntTools")
 _ShapeAnalysis = kernel_module("ShapeAnalysis")
 _TopAbs = kernel_module("TopAbs")
 _gp = kernel_module("gp")
@@ -74,7 +74,7 @@ def _within(ends: Bounds, domain: Bounds) -> Bounds | None:
 
 
 def _inside(face: Any, places: Array) -> NDArray[np.bool_]:
-    classifier = _BRepTopAdaptor.BRepTopAdaptor_FClass2d(face, _SAME)
+    classifier = _IntTools.IntTools_FClass2d(face, _SAME)
     outside = _TopAbs.TopAbs_OUT
     return np.array([classifier.Perform(_gp.gp_Pnt2d(u, v)) != outside for u, v in places.tolist()], dtype=bool)
 
