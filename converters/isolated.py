@@ -218,7 +218,8 @@ def _limit(memory: int | None, seconds: float | None) -> None:
 
     set_to(resource.RLIMIT_CORE, 0)
     set_to(resource.RLIMIT_AS, memory)
-    set_to(resource.RLIMIT_CPU, None if seconds is None else math.ceil(seconds + _GRACE))
+    threads = os.cpu_count() or 1
+    set_to(resource.RLIMIT_CPU, None if seconds is None else math.ceil(threads * seconds + _GRACE))
 
 
 def _die_with_parent() -> None:

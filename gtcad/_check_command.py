@@ -193,7 +193,8 @@ def _listed(manifest: str, default: dict[str, Any], settings: dict[str, Any]) ->
 
 def _filled(wanted: Wanted, default: dict[str, Any]) -> dict[str, Any]:
     own = {"against": wanted.against, "tolerance": wanted.tolerance, "profile": wanted.profile}
-    return {name: value or default[name] for name, value in own.items()}
+    found = {name: value or default[name] for name, value in own.items()}
+    return found if found["against"] else found | {"tolerance": wanted.tolerance}
 
 
 def _check_one(job: Job, report: str, *, as_json: bool, in_process: bool, **limits: Any) -> int:

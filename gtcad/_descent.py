@@ -103,7 +103,11 @@ def is_minimum(search: Search) -> bool:
     if not math.isfinite(search.value):
         return False
     slope = np.abs(projected(search.design, search.gradient(search.design))).max(initial=0.0)
-    return bool(slope <= _FLAT * max(abs(search.value), search.largest - search.value))
+    if slope <= _FLAT * max(abs(search.value), search.largest - search.value):
+        return True
+    corners = np.array([[LEAST], [MOST]]) * np.ones(search.problem.dimension)
+    search.values(corners)  # at a minimum of 0 from the start, nothing has shown yet how large values are
+    return bool(slope <= _FLAT * (search.largest - search.value))
 
 
 def _downhill(search: Search, start: Array, *, noted: bool = False) -> None:

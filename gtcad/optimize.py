@@ -176,8 +176,8 @@ def optimize(
     particles, iterations, inertia, own_pull, common_pull, neighbourhood, patience
         As of ``gtcad.optimize.SwarmSettings``.
     polished
-        Whether to go downhill from the best places of three valleys, and to look for lower ones along each variable and,
-        where that is cheap, over planes of two.
+        Whether to go downhill from the best places of three valleys, and to look for lower ones along each variable
+        and, where that is cheap, over planes of two.
     on_step
         Called with a ``Progress`` after each iteration.
     keep_interrupted
@@ -198,7 +198,7 @@ def optimize(
     their slopes are differences of the step 1e-4.
 
     On multimodal functions (Rastrigin, Schwefel, Ackley) of two and of four variables the defaults found the lowest
-    valley from 50 seeds of 50, the worst to 2e-12; of two variables also on Rastrigin's function turned by an angle.
+    valley from 50 seeds of 50, the worst to 1e-12; of two variables also on Rastrigin's function turned by an angle.
     Turned in four variables at once they may miss it: try several seeds.
 
     Examples

@@ -309,6 +309,11 @@ def test_a_list_says_what_each_file_is_checked_with(folder: Path) -> None:
         f"fine: {folder / 'out.igs'}: ready",
         f"fine: {folder / 'out.step'}: 2 proved",
     ]
+    del entries[0]["tolerance"]
+    path.write_text(json.dumps({"check": entries}))
+    assert sorted(run("--manifest", path, "--tolerance", "1e-4").stdout.splitlines()) == sorted(
+        result.stdout.splitlines()
+    )
     entries[0] |= {"tolerance": "thin"}
     entries[1] |= {"file": "out.txt"}
     path.write_text(json.dumps({"check": entries}))
