@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from gtcad.converters.part import Part
     from gtcad.converters.readiness import Readiness
     from gtcad.converters.scene import Scene
+    from gtcad.converters.stated_check import Statement
 
 MODEL = "MODEL"
 MAX_COORDINATE = 1e12  # mm: a million kilometres
@@ -120,6 +121,8 @@ class Outcome:
         Why there are no results; empty when there are.
     seconds
         That the check took.
+    statements
+        What the file states of its shapes besides them, held against them.
     """
 
     file: str
@@ -133,6 +136,7 @@ class Outcome:
     code: int
     message: str = ""
     seconds: float = 0.0
+    statements: tuple[Statement, ...] = ()
 
     def as_data(self) -> dict[str, Any]:
         """Plain data for JSON: all but the scene."""
@@ -144,6 +148,8 @@ class Outcome:
             data |= report_data(self.report)
         if self.readiness is not None:
             data["readiness"] = asdict(self.readiness) | {"verdict": self.readiness.verdict}
+        if self.statements:
+            data["statements"] = [asdict(item) | {"unit": item.unit, "kept": item.kept} for item in self.statements]
         found: dict[str, Any] = plain(data | {"environment": self.environment})
         return found
 
@@ -193,7 +199,8 @@ def run_job(job: Job) -> Outcome:
     parts: list[Part] = []
     shapes: dict[str, ModelShape] | None = None
     others: list[Part] = []
-    if job.against is not None or job.scene:
+    stating = job.form == "STEP" and states_something(job.file)
+    if job.against is not None or job.scene or stating:
         parts = _parts(job.file, job.form)
     if job.against is not None:
         report, shapes, others = _compared(job, parts)
@@ -205,7 +212,9 @@ def run_job(job: Job) -> Outcome:
         from gtcad.converters.scene import scene_of_parts
 
         scene = scene_of_parts(parts, () if report is None else report.rows, shapes, others=others)
-    code = worst_code([_code_of_report(report, job.require_proof), _code_of_readiness(readiness)])
+    statements = _statements(job, parts) if stating else ()
+    kept = Code.FINE if all(statement.kept for statement in statements) else Code.FAILED
+    code = worst_code([_code_of_report(report, job.require_proof), _code_of_readiness(readiness), kept])
     seconds = time.monotonic() - started
     return Outcome(
         job.file,
@@ -218,7 +227,18 @@ def run_job(job: Job) -> Outcome:
         environment(job),
         code,
         seconds=seconds,
+        statements=statements,
     )
+
+
+def _statements(job: Job, parts: list[Part]) -> tuple[Statement, ...]:
+    """To the tolerance of the comparison, else to the accuracy that the file states, else to a micrometre."""
+    from gtcad.converters.stated import step_accuracies
+    from gtcad.converters.stated_check import check_statements
+    from gtcad.converters.step import step_data
+
+    accuracies = step_accuracies(step_data(job.file)) if job.tolerance is None else (job.tolerance,)
+    return check_statements(parts, max(accuracies, default=1e-3))
 
 
 def _compared(job: Job, parts: list[Part]) -> tuple[Report, dict[str, ModelShape] | None, list[Part]]:
@@ -344,6 +364,12 @@ def _check_file(path: str) -> None:
         raise FileError(path, "is a folder" if stat.S_ISDIR(found.st_mode) else "is no ordinary file")
     if not found.st_size:
         raise FileError(path, "is empty")
+
+
+def states_something(path: str) -> bool:
+    """Whether a STEP file has validation properties of geometry."""
+    with open(path, "rb") as file:
+        return b"geometric validation property" in file.read()
 
 
 def sha256(path: str) -> str:

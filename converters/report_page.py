@@ -50,6 +50,7 @@ def outcome_section(outcome: Outcome, number: int, *, with_scene: bool, only: bo
         left_out if outcome.scene is not None and not with_scene else Markup(""),
         element("div", viewer(scene, outcome.tolerance, measured), shapes, class_="bench") if drawn else shapes,
         joint_table(outcome),
+        statement_table(outcome),
         readiness_tables(outcome),
         curve_figures(scene.curves),
     ]
@@ -133,6 +134,20 @@ def joint_table(outcome: Outcome) -> Markup:
         rows.append(element("tr", *cells))
     columns = ("joint", "verdict", "wanted", "found", "gap, mm", "angle, deg", "curvature jump", "jump of its rate")
     return table(columns, rows, "joints", "Joints, as the file has them")
+
+
+def statement_table(outcome: Outcome) -> Markup:
+    """What the file states of its shapes besides them, and what it holds."""
+    if not outcome.statements:
+        return Markup("")
+    rows = []
+    for statement in outcome.statements:
+        stated, found, limit = words.statement(statement)
+        mark = badge("kept" if statement.kept else "lost")
+        cells = (statement.name, statement.quantity, mark, stated, found, limit)
+        rows.append(element("tr", *(element("td", cell) for cell in cells)))
+    columns = ("shape", "quantity", "verdict", "stated", "found", "may differ by")
+    return table(columns, rows, "statements", "What the file states of its shapes, and holds")
 
 
 def readiness_tables(outcome: Outcome) -> Markup:

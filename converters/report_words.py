@@ -17,6 +17,7 @@ from gtcad.converters.scene import Scene, SceneCurve, SceneFace
 
 if TYPE_CHECKING:
     from gtcad.converters.outcome import Outcome
+    from gtcad.converters.stated_check import Statement
     from gtcad.converters.verdicts import Histogram, Row, Worst
 
 State = Literal["passed", "failed", "undecided", "error"]
@@ -111,9 +112,20 @@ def headline(outcome: Outcome) -> str:
         sentences.append(_of_shapes(outcome))
     if outcome.readiness is not None:
         sentences.append(_of_readiness(outcome))
+    broken = sum(not statement.kept for statement in outcome.statements)
+    if broken:
+        sentences.append(f"The file does not hold what it states: {_counted(broken, 'statement')} broken.")
     if not sentences:
         return f"Not checked: {outcome.message or f'the check ended with code {outcome.code}'}"
     return " ".join(sentences)
+
+
+def statement(item: Statement) -> tuple[str, str, str]:
+    """What is stated, what is found, and how far these may differ, with their unit."""
+    limit, found = f"{item.limit:.2g} {item.unit}", "none"
+    if item.quantity in ("centre of gravity", "points"):
+        return "", found if item.found is None else f"{item.found:.2g} {item.unit} away", limit
+    return f"{item.stated:.9g} {item.unit}", found if item.found is None else f"{item.found:.9g} {item.unit}", limit
 
 
 def _of_shapes(outcome: Outcome) -> str:

@@ -45,6 +45,11 @@ class Statement:
     limit: float
 
     @property
+    def unit(self) -> str:
+        """Of the numbers."""
+        return UNITS[self.quantity]
+
+    @property
     def kept(self) -> bool:
         """Whether the file holds what it states."""
         return self.found is not None and abs(self.found - self.stated) <= self.limit

@@ -14,6 +14,7 @@ from gtcad._command import JsonOption, guarded, option, print_json
 from gtcad.errors import InputError, ModelError
 
 if TYPE_CHECKING:
+    from gtcad.converters.file_certificate import FileCertificate
     from gtcad.converters.manifest import Wanted
     from gtcad.converters.outcome import Job, Outcome
 
@@ -45,6 +46,12 @@ ResumeOption = Annotated[
 ManifestOption = Annotated[
     str, typer.Option("--manifest", metavar="LIST", help="A .toml or .json list of files and what to check them with.")
 ]
+CertificateOption = Annotated[
+    str, typer.Option("--certificate", metavar="JSON", help="Verify a certificate: do its check of FILE again.")
+]
+WriteCertificateOption = Annotated[
+    str, typer.Option("--write-certificate", metavar="JSON", help="Write what was proved of FILE against its model.")
+]
 TimeoutOption = Annotated[str, typer.Option("--timeout", metavar="TIME", help="For each file: 600s, 10min, off.")]
 MemoryOption = Annotated[str, typer.Option("--memory", metavar="SIZE", help="For each file: 8GB, off.")]
 InProcessOption = Annotated[
@@ -63,6 +70,8 @@ def check(
     limit: LimitOption = None,
     require_proof: ProofOption = False,
     report: ReportOption = "",
+    certificate: CertificateOption = "",
+    write_certificate: WriteCertificateOption = "",
     jobs: JobsOption = "",
     scheduler: SchedulerOption = "",
     resume: ResumeOption = "",
@@ -84,6 +93,11 @@ def check(
     workers = option("--jobs", lambda text: options.whole_number(text, 1, MOST_JOBS), jobs or "1")
     several = bool(manifest or scheduler or resume or jobs or len(files or ()) > 1)
     _refuse_pairs(files, manifest, report, resume, scheduler, jobs, in_process=in_process, several=several)
+    if certificate or write_certificate:
+        _refuse_certificates(certificate, write_certificate, against, profile or limit, several=several)
+    claimed = None
+    if certificate:
+        claimed, against, tolerance = _claimed(certificate, against, tolerance)
     default: dict[str, Any] = {"against": against, "tolerance": tolerance, "profile": profile}
     todo = [_job(file, **default, **settings) for file in files or ()]
     if manifest:
@@ -94,7 +108,10 @@ def check(
     if several:
         code = _check_many(todo, report, as_json=as_json, workers=workers, scheduler=scheduler, log=resume, **limits)
     else:
-        code = _check_one(todo[0], report, as_json=as_json, in_process=in_process, **limits)
+        outcome = _check_one(todo[0], report, as_json=as_json, in_process=in_process, claimed=claimed, **limits)
+        if write_certificate:
+            _certify(outcome, write_certificate)
+        code = outcome.code if claimed is None else _verified(claimed, outcome)
     if code:
         raise typer.Exit(code)
 
@@ -125,6 +142,56 @@ def _refuse_pairs(
         refuse("is for files on this machine, not for --scheduler", "--jobs")
     if in_process and several:
         refuse("is for one file", "--in-process")
+
+
+def _refuse_certificates(certificate: str, written: str, against: str, judged: Any, *, several: bool) -> None:
+    """Refuse options that do not go with certificates."""
+
+    def refuse(reason: str, name: str) -> None:
+        raise typer.BadParameter(reason, param_hint=f"'{name}'")
+
+    name = "--certificate" if certificate else "--write-certificate"
+    if several:
+        refuse("is for one file", name)
+    if judged:
+        refuse("is for a comparison with a model, not for --profile and --limit", name)
+    if certificate and written:
+        refuse("is one or the other: verify a certificate, or write one", "--write-certificate")
+    if written and not (against and options.is_model(against)):
+        refuse("needs --against MODEL", "--write-certificate")
+    if written and not written.lower().endswith(".json"):
+        refuse(f"must end in .json, got {written!r}", "--write-certificate")
+
+
+def _claimed(path: str, against: str, tolerance: str) -> tuple[FileCertificate, str, str]:
+    """The certificate, and the model and the tolerance to verify it with."""
+    from gtcad.converters.file_certificate import model_beside, read_certificate
+
+    claimed = read_certificate(path)
+    return claimed, against or model_beside(claimed, path), tolerance or repr(claimed.tolerance)
+
+
+def _verified(claimed: FileCertificate, outcome: Outcome) -> int:
+    """Say whether the certificate is verified; the exit code."""
+    from gtcad.converters.file_certificate import disagreements
+
+    problems = disagreements(claimed, outcome)
+    for problem in problems:
+        tables.message(f"Error: the certificate is not verified: {problem}")
+    if not problems and not outcome.code:
+        found = f"{len(claimed.shapes)} shape{'s' if len(claimed.shapes) > 1 else ''}"
+        tables.message(f"the certificate of {claimed.created} is verified: {found} within {claimed.tolerance:g} mm")
+    return outcome.code or (1 if problems else 0)
+
+
+def _certify(outcome: Outcome, path: str) -> None:
+    """Write the certificate of a check that passed."""
+    if outcome.code:
+        tables.message(f"Error: {outcome.file} does not pass its check: {path} is not written")
+        return
+    from gtcad.converters.file_certificate import certificate_of, write_certificate
+
+    write_certificate(path, certificate_of(outcome))
 
 
 def _limit(text: str) -> tuple[str, float | None]:
@@ -197,22 +264,35 @@ def _filled(wanted: Wanted, default: dict[str, Any]) -> dict[str, Any]:
     return found if found["against"] else found | {"tolerance": wanted.tolerance}
 
 
-def _check_one(job: Job, report: str, *, as_json: bool, in_process: bool, **limits: Any) -> int:
+def _check_one(
+    job: Job, report: str, *, as_json: bool, in_process: bool, claimed: FileCertificate | None = None, **limits: Any
+) -> Outcome:
     from gtcad.converters.isolated import Runner
     from gtcad.converters.outcome import check_files, run_job
 
     check_files(job)  # what is missing or empty is known before a process is started
     outcome = run_job(job) if in_process else Runner(**limits).run(run_job, job)
     if as_json:
-        print_json(**outcome.as_data())
+        print_json(**outcome.as_data() | _verification(claimed, outcome))
     else:
         if outcome.report is not None:
             check_tables.print_report(outcome.report)
         if outcome.readiness is not None:
             check_tables.print_readiness(outcome.readiness)
+        check_tables.print_statements(outcome.statements)
     _warn(outcome)
     _write_report(report, [outcome])
-    return outcome.code
+    return outcome
+
+
+def _verification(claimed: FileCertificate | None, outcome: Outcome) -> dict[str, Any]:
+    """What the JSON says of a certificate."""
+    if claimed is None:
+        return {}
+    from gtcad.converters.file_certificate import disagreements
+
+    problems = list(disagreements(claimed, outcome))
+    return {"certificate": {"created": claimed.created, "verified": not problems, "problems": problems}}
 
 
 def _check_many(todo: list[Job], report: str, *, as_json: bool, scheduler: str, log: str, **settings: Any) -> int:

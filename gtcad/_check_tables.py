@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from gtcad.continuity import JoinReport
     from gtcad.converters.check import Report
     from gtcad.converters.readiness import Criterion, Finding, Readiness
+    from gtcad.converters.stated_check import Statement
 
 MOST_FINDINGS = 20
 _WORDS = {0: "fine", 1: "failed", 3: "unreadable", 4: "kernel failed", 5: "undecided", 70: "internal error"}
@@ -56,6 +57,19 @@ def print_readiness(readiness: Readiness) -> None:
     if len(findings) > MOST_FINDINGS:
         print(f"and {len(findings) - MOST_FINDINGS} more, which --json lists")
     print(f"{readiness.verdict} (profile {readiness.profile}{_levels([finding.level for finding in findings])})")
+
+
+def print_statements(statements: Sequence[Statement]) -> None:
+    """Print what a file states of its shapes and does not hold, and how much of it is kept."""
+    from gtcad.converters.report_words import statement
+
+    broken = [item for item in statements if not item.kept]
+    if broken:
+        rows = [[item.name, item.quantity, *statement(item)] for item in broken]
+        print_table((NAME, "quantity", "stated", "found", "may differ by"), rows)
+    if statements:
+        count = len(statements) - len(broken)
+        print(f"the file keeps {count} of {len(statements)} statements about areas, volumes, centres and points")
 
 
 _LEVELS = {"error": "error", "warning": "warning", "info": "note"}

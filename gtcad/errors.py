@@ -195,8 +195,8 @@ class NoFeasibleDesign(GtcadError, ArithmeticError):
         self.designs = designs
         self.excess = excess
         super().__init__(
-            f"none of {designs} designs keeps the constraints while {objective} is made least: the best is {excess:.3g} "
-            "beyond them"
+            f"none of {designs} designs keeps the constraints while {objective} is made least: "
+            f"the best is {excess:.3g} beyond them"
         )
 
     def __reduce__(self) -> tuple[object, ...]:

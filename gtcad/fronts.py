@@ -25,7 +25,7 @@ from gtcad._extremal_space import Extremal, ExtremalSpace, extremal_kind
 from gtcad._search import LEAST, MOST
 from gtcad.basis import Gamma, is_whole
 from gtcad.errors import ExtraMissing, GtcadError, InputError, NoFeasibleDesign
-from gtcad.objectives import evaluator
+from gtcad.objectives import evaluator, limited
 
 Array = NDArray[np.float64]
 Function = Callable[[Any], float]
@@ -160,12 +160,20 @@ class _Seen:
         values = np.column_stack([objective(designs) for objective in self._objectives])
         finite = np.isfinite(values).all(axis=1)
         excess = np.where(finite, 0.0, math.inf)
-        for k in np.flatnonzero(finite):
-            excess[k] = sum(max(0.0, _called(self.space, one, designs[k])) for one in self._constraints)
+        if self._constraints or limited(self.space.shape):
+            excess[finite] = [self._excess(design) for design in designs[finite]]
         self.designs = np.concatenate([self.designs, designs])
         self.values = np.concatenate([self.values, values])
         self.excess = np.concatenate([self.excess, excess])
         return np.where(np.isfinite(values), values, 1e300), np.minimum(excess, 1e300)
+
+    def _excess(self, design: Array) -> float:
+        """The sum of what is beyond the limits; infinite when there is no such shape, though it has values."""
+        try:
+            self.space.shape_at(design)
+        except GtcadError:
+            return math.inf
+        return sum(max(0.0, _called(self.space, one, design)) for one in self._constraints)
 
     def front(self) -> tuple[Array, Array]:
         """The designs that keep the limits and that no other dominates."""

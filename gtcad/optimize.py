@@ -31,6 +31,8 @@ from gtcad.errors import GtcadError, InputError, NoFeasibleDesign
 from gtcad.measure import Estimate
 from gtcad.objectives import carrier_of, checked_objective, evaluator, limited, measured
 
+__all__ = ["METHODS", "Optimum", "Progress", "SwarmSettings", "optimize"]
+
 Array = NDArray[np.float64]
 Method = Literal["pso", "polish", "de"]
 Function = Callable[[Any], float]
@@ -294,8 +296,9 @@ class _Run:
         evaluations, converged, interrupted = 0, False, False
         best = history = None
         for factor in _RULES if isinstance(self.objective, str) else _RULES[:1]:
-            search = Search(self._problem(factor), on_step)
+            search = Search(Problem(self.space.dimension, self._called), on_step)
             try:
+                search.problem = self._problem(factor)  # may take its time, and be interrupted
                 search.offer(start[None], search.values(start[None]), search.excesses(start[None]))
                 converged = self._search(search, start)
             except KeyboardInterrupt:

@@ -116,7 +116,8 @@ def draw_developables(path: Path) -> None:
         flat.set_aspect("equal")
         flat.tick_params(labelsize=7)
         flat.set_title(f"flat, in {design.unit}", fontsize=10, color=INK)
-        flat.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(0, -0.15), ncols=2)
+        if make is DESIGNS[0]:
+            flat.legend(fontsize=8, frameon=False, loc="upper left")
     figure.savefig(path, dpi=80)
     plt.close(figure)
 

@@ -18,14 +18,14 @@ from PIL import Image
 from gtcad import BERNSTEIN, Composite, Curve, Surface, measure
 from gtcad._search import Problem, Search
 from gtcad._swarm import SwarmSettings, swarm
-from gtcad.design_variables import design_variables
+from gtcad.design_variables import design_rate, design_variables, with_design_variables
 from gtcad.errors import ExtraMissing, InputError, NoFeasibleDesign
 from gtcad.fronts import pareto_front
 from gtcad.objectives import measured, values_of
 from gtcad.optimize import METHODS, Optimum, optimize
 from gtcad.patches import Coons, Lofted, Ruled
 from gtcad.patches.developable import PlaneFamily, quasi_developable, spine_developable
-from gtcad.patches.minimal import dirichlet_extremal, extremal, fixed_contour
+from gtcad.patches.minimal import Plateau, dirichlet_extremal, extremal, fixed_contour
 
 Array = NDArray[np.float64]
 
@@ -275,6 +275,24 @@ def test_a_strip_never_twists_more_than_it_may() -> None:
     assert free.value < found.value <= found.start_value
 
 
+def test_plane_families_and_interiors_are_design_variables_of_their_patches() -> None:
+    planes = PlaneFamily([(1, 0, 0, 1), (1, 0.5, 0.1, 1.1), (0.5, 1, 0.2, 1.2), (0, 1, 0.1, 1)], (0.3, -0.2))
+    wall = planes.enveloping((0, 0, 1, 0), (0, 0, 1, 0.5))
+    assert design_variables(wall) == {"family": (0.3, -0.2)}
+    moved = with_design_variables(wall, {"family": (0.3, 0.1)})
+    assert moved == planes.with_gamma((0.3, 0.1)).enveloping((0, 0, 1, 0), (0, 0, 1, 0.5))
+    step = 1e-4
+    sides = [with_design_variables(wall, {"family": (0.3 + k * step, -0.2)}).evaluate(0.4, 0.7) for k in (1, -1)]
+    rate = design_rate(wall, "family[0]").evaluate(0.4, 0.7)
+    assert np.allclose(rate, (sides[0] - sides[1]) / (2 * step), atol=1e-7)
+    film = fixed_contour([Curve([a, b], family=BERNSTEIN) for a, b in _edges()], 4)
+    assert design_variables(film) == {"gamma_u": (0.0, 0.0), "gamma_v": (0.0, 0.0)}
+    turned = with_design_variables(film.with_interior(film.interior + 1.0), {"gamma_v": (0.5, -1.0)})
+    assert isinstance(turned, Plateau)
+    assert np.array_equal(turned.interior, film.interior + 1.0)
+    assert turned.gamma_v == (0.5, -1.0)
+
+
 # --- limits -----------------------------------------------------------------------------------------------------------
 
 
@@ -502,6 +520,13 @@ def test_fronts_keep_limits() -> None:
     assert all(gamma["gamma"][0] >= 0.2 for gamma in front.gammas)
     with pytest.raises(NoFeasibleDesign):
         pareto_front(CURVE, ["length", "energy"], constraints=[lambda _: 1.0], population=4, generations=2)
+
+
+def test_every_design_on_a_front_is_a_shape() -> None:
+    planes = PlaneFamily([(1, 0, 0, 1), (1, 0.5, 0.1, 1.1), (0.5, 1, 0.2, 1.2), (0, 1, 0.1, 1)])
+    wall = planes.enveloping((0, 0, 1, 0), (0, 0, 1, 0.5))
+    front = pareto_front(wall, ["dual-energy", "dual-length"], population=6, generations=3)
+    assert [shape.family.gamma for shape in front.shapes] == [gamma["family"] for gamma in front.gammas]
 
 
 def test_what_a_front_takes() -> None:

@@ -19,8 +19,7 @@ from tests.converters.test_matching import (
 pytestmark = pytest.mark.stress
 
 
-@pytest.mark.parametrize("through", ["step", "iges"])
-@pytest.mark.parametrize("unit", ["MM", "INCH", "M"])
+@pytest.mark.parametrize(("through", "unit"), [("step", "INCH"), ("step", "M"), ("iges", "MM")])
 @pytest.mark.parametrize("change", CHANGES)
 @pytest.mark.parametrize("model", MODELS)
 def test_every_rewritten_file_is_found_whole(tmp_path, model, change, unit, through):

