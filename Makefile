@@ -63,6 +63,7 @@ docs: $(VENV)/.stamp  ## render the pictures of the README and the samples into 
 	$(BIN)/python samples/combs.py --output $(BUILD)/pictures
 	$(BIN)/python samples/minimal.py --output $(BUILD)/pictures
 	$(BIN)/python samples/unroll.py --output $(BUILD)/pictures
+	$(BIN)/python samples/optimize.py --output $(BUILD)/pictures
 
 clean:  ## remove what was made, the environments included
 	rm -rf $(BUILD) $(VENV) $(VENV8) dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

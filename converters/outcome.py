@@ -332,7 +332,6 @@ def environment(job: Job) -> dict[str, str]:
         "gtcad": gtcad.__version__,
         "kernel": f"OCCT {getattr(kernel, '__version__', 'unknown')}" if kernel else "none",
         "python": platform.python_version(),
-        "platform": platform.platform(),
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
         "file_sha256": sha256(job.file),
     }

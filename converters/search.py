@@ -79,6 +79,11 @@ class Side:
         """Most poles that the limit of spans allows."""
         return max(self._poles(degree, self.max_spans) for degree in self.degrees)
 
+    @property
+    def exact(self) -> bool:
+        """Whether the factors are polynomials that every spline of these degrees holds, whatever its knots."""
+        return self.bundle.factors.derivative_bound(min(self.degrees) + 1) == 0
+
     def kind(self, poles: int) -> Approximation | None:
         """The best cached approximation with at most so many poles, with its error for this bundle."""
         if poles not in self._kind:
@@ -250,8 +255,10 @@ def fewest_pair(
         result = proof(a, b)
         return None if result is None else ((a, b), result)
 
+    shares = {u: _share(v) * goal, v: _share(u) * goal}
+
     def own(side: Side, poles: int) -> Approximation | None:
-        return side.adapted(poles, 0.5 * goal)
+        return side.adapted(poles, shares[side])
 
     found = _search_pair(u, v, goal, Side.kind, passing, math.inf)
     if adapt:
@@ -260,9 +267,14 @@ def fewest_pair(
     if found is None or not adapt:
         return None if found is None else found[1]
     (a, b), _ = found
-    found = _lower_degree(u, a, 0.5 * goal, lambda one: passing(one, b), found)
+    found = _lower_degree(u, a, shares[u], lambda one: passing(one, b), found)
     (a, b), _ = found
-    return _lower_degree(v, b, 0.5 * goal, lambda one: passing(a, one), found)[1]
+    return _lower_degree(v, b, shares[v], lambda one: passing(a, one), found)[1]
+
+
+def _share(other: Side) -> float:
+    """How much of the goal a side may take: half of it, or all when splines hold the other side exactly."""
+    return _MARGIN if other.exact else 0.5
 
 
 _Index = slice | NDArray[np.int_]

@@ -11,6 +11,8 @@ from gtcad import _check_tables as check_tables
 from gtcad import _options as options
 from gtcad import _tables as tables
 from gtcad._command import JsonOption, guarded, option, print_json
+from gtcad._export_command import check_output
+from gtcad._tables import printable
 from gtcad.errors import InputError, ModelError
 
 if TYPE_CHECKING:
@@ -97,6 +99,7 @@ def check(
         _refuse_certificates(certificate, write_certificate, against, profile or limit, several=several)
     claimed = None
     if certificate:
+        option("FILE", options.exchange_format, (files or [""])[0])
         claimed, against, tolerance = _claimed(certificate, against, tolerance)
     default: dict[str, Any] = {"against": against, "tolerance": tolerance, "profile": profile}
     todo = [_job(file, **default, **settings) for file in files or ()]
@@ -111,7 +114,7 @@ def check(
         outcome = _check_one(todo[0], report, as_json=as_json, in_process=in_process, claimed=claimed, **limits)
         if write_certificate:
             _certify(outcome, write_certificate)
-        code = outcome.code if claimed is None else _verified(claimed, outcome)
+        code = outcome.code if claimed is None else _verified(claimed, outcome, as_json=as_json)
     if code:
         raise typer.Exit(code)
 
@@ -157,30 +160,35 @@ def _refuse_certificates(certificate: str, written: str, against: str, judged: A
         refuse("is for a comparison with a model, not for --profile and --limit", name)
     if certificate and written:
         refuse("is one or the other: verify a certificate, or write one", "--write-certificate")
-    if written and not (against and options.is_model(against)):
+    if against and not options.is_model(against):
+        refuse(f"must be the model that the certificate is for, got {against!r}", "--against")
+    if written and not against:
         refuse("needs --against MODEL", "--write-certificate")
     if written and not written.lower().endswith(".json"):
         refuse(f"must end in .json, got {written!r}", "--write-certificate")
+    if written:
+        check_output(against, written, "--write-certificate")
 
 
 def _claimed(path: str, against: str, tolerance: str) -> tuple[FileCertificate, str, str]:
     """The certificate, and the model and the tolerance to verify it with."""
     from gtcad.converters.file_certificate import model_beside, read_certificate
 
+    if tolerance:
+        option("--tolerance", options.length, tolerance)
     claimed = read_certificate(path)
     return claimed, against or model_beside(claimed, path), tolerance or repr(claimed.tolerance)
 
 
-def _verified(claimed: FileCertificate, outcome: Outcome) -> int:
-    """Say whether the certificate is verified; the exit code."""
+def _verified(claimed: FileCertificate, outcome: Outcome, *, as_json: bool) -> int:
+    """Say whether the certificate is verified, unless JSON has said it; the exit code."""
     from gtcad.converters.file_certificate import disagreements
 
     problems = disagreements(claimed, outcome)
     for problem in problems:
         tables.message(f"Error: the certificate is not verified: {problem}")
-    if not problems and not outcome.code:
-        found = f"{len(claimed.shapes)} shape{'s' if len(claimed.shapes) > 1 else ''}"
-        tables.message(f"the certificate of {claimed.created} is verified: {found} within {claimed.tolerance:g} mm")
+    if not (problems or outcome.code or as_json):
+        print(printable(check_tables.verified(claimed)))
     return outcome.code or (1 if problems else 0)
 
 

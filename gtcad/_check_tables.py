@@ -12,6 +12,7 @@ from gtcad._tables import NAME, interval, print_table, printable
 if TYPE_CHECKING:
     from gtcad.continuity import JoinReport
     from gtcad.converters.check import Report
+    from gtcad.converters.file_certificate import FileCertificate
     from gtcad.converters.readiness import Criterion, Finding, Readiness
     from gtcad.converters.stated_check import Statement
 
@@ -72,6 +73,14 @@ def print_statements(statements: Sequence[Statement]) -> None:
         print(f"the file keeps {count} of {len(statements)} statements about areas, volumes, centres and points")
 
 
+def verified(certificate: FileCertificate) -> str:
+    """What a verified certificate says, in one line."""
+    estimated = sum(shape.verdict == "estimated" for shape in certificate.shapes)
+    counts = [f"{len(certificate.shapes) - estimated} proved", *([f"{estimated} estimated"] if estimated else [])]
+    found = f"{' and '.join(counts)} within {certificate.tolerance:g} mm"
+    return f"the certificate of {certificate.created} is verified: {found}"
+
+
 _LEVELS = {"error": "error", "warning": "warning", "info": "note"}
 
 
@@ -119,6 +128,9 @@ def print_line(data: Mapping[str, Any], *, known: bool) -> None:
     readiness = data.get("readiness")
     if readiness:
         texts.append(readiness["verdict"] + _levels([finding["level"] for finding in readiness["findings"]]))
+    kept = [bool(item["kept"]) for item in data.get("statements", [])]
+    if not all(kept):
+        texts.append(f"{kept.count(False)} of {len(kept)} statements broken")
     remark = " (from the log)" if known else ""
     print(printable(f"{word(data['code'])}: {data['file']}: {'; '.join(texts)}{remark}"), flush=True)
 

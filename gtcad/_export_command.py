@@ -113,7 +113,7 @@ def _check_certificate(certificate: str, model: str, output: str) -> None:
         raise typer.BadParameter(f"must end in .json, got {certificate!r}", param_hint="'--certificate'")
     if os.path.abspath(certificate) in (os.path.abspath(model), os.path.abspath(output)):
         raise typer.BadParameter(f"must be a file of its own, got {certificate!r}", param_hint="'--certificate'")
-    check_output(model, certificate)
+    check_output(model, certificate, "--certificate")
 
 
 def _certify(model: str, output: str, form: str, tolerance: float, certificate: str, moment: datetime | None) -> None:
@@ -172,11 +172,11 @@ def _fit_settings(
     return settings
 
 
-def check_output(model: str, output: str) -> None:
-    """Refuse a file to write that is the model, or that has no folder."""
+def check_output(model: str, output: str, name: str = "--output") -> None:
+    """Refuse a file to write, by the option of that name, that is the model, or that has no folder."""
     with contextlib.suppress(OSError, ValueError):
         if os.path.samefile(model, output):
-            raise typer.BadParameter(f"is the model itself: {output!r}", param_hint="'--output'")
+            raise typer.BadParameter(f"is the model itself: {output!r}", param_hint=f"'{name}'")
     folder = os.path.dirname(output) or "."
     if not os.path.isdir(folder):
         raise errors.FileError(output, f"cannot be written: there is no folder {folder!r}")

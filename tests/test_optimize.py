@@ -253,13 +253,13 @@ def test_kinds_without_closed_sums_are_optimised_too() -> None:
 def test_developables_are_optimised_by_their_spine_and_dual_curve() -> None:
     spine = Curve([(0, 0, 0), (2, 0, 0), (3, 2, 1), (3, 3, 4)])
     roof = spine_developable(spine, (1.0, 2.0))
-    found = optimize(roof, "spine-curvature-energy", particles=10, iterations=10)
+    found = optimize(roof, "spine-curvature-energy", particles=6, iterations=6)
     alone = optimize(spine, "curvature-energy")
     assert math.isclose(found.value, alone.value, rel_tol=1e-6)
     assert found.shape.spine.gamma == found.gamma["spine"]
     planes = PlaneFamily([(1, 0, 0, 1), (1, 0.5, 0.1, 1.1), (0.5, 1, 0.2, 1.2), (0, 1, 0.1, 1)])
     wall = planes.enveloping((0, 0, 1, 0), (0, 0, 1, 0.5))
-    best = optimize(wall, "dual-energy", particles=10, iterations=10)
+    best = optimize(wall, "dual-energy", particles=6, iterations=6)
     assert math.isclose(best.value, optimize(planes, "energy").value, rel_tol=1e-6)
     assert best.shape.family.gamma == best.gamma["family"]
 
