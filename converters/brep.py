@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from gtcad._files import written_whole
-from gtcad.converters.occt import exchange
+from gtcad.converters.occt import exchange, guards
 from gtcad.converters.part import Part
 from gtcad.errors import FileError
 
@@ -87,10 +87,11 @@ def brep_data(path: str | os.PathLike[str]) -> bytes:
     FileError
         When there is no such file, or it has not.
     """
-    data = exchange.file_bytes(path)
+    data = guards.file_bytes(path)
     reason = _complaint(data)
     if reason:
         raise FileError(str(path), f"is not a readable BREP file: {reason}")
+    guards.refuse_huge_numbers(path, data)
     return data
 
 

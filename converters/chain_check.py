@@ -19,7 +19,7 @@ from gtcad.converters.chain import as_curve, joint_knots, parts_of, runs_of
 from gtcad.converters.figures import Piece, figure_of, figure_of_part
 from gtcad.converters.part import EllipseArc, ends_of
 from gtcad.converters.spline_difference import part_of_curve
-from gtcad.converters.verdicts import Row, compared
+from gtcad.converters.verdicts import Row, compared, joined
 from gtcad.errors import InputError
 from gtcad.protocol import SeparableCurve
 from gtcad.restricted import RestrictedCurve
@@ -122,7 +122,22 @@ def check_chain(
     if found is None or found.bad:
         other = _by_place(name, names, chain, held, tolerance)
         found = other if found is None or other.bad < found.bad else found
-    return found.rows, found.joints, [piece for piece in held if piece.index not in found.used]
+    rows = _less_sure(name, chain, found)
+    return rows, found.joints, [piece for piece in held if piece.index not in found.used]
+
+
+def _less_sure(name: str, chain: Composite, found: _Checked) -> list[Row]:
+    """The rows, none of them proved where an order is asked for at a joint that was not compared."""
+    rows, known_ones = list(found.rows), {joint.name for joint in found.joints}
+    for k, wanted in enumerate(chain.orders):
+        both = k, (k + 1) % len(rows)
+        known = _joint_name(name, *both) in known_ones or wanted[1] == "0"
+        if known or not {rows[i].verdict for i in both} <= {"proved", "estimated"}:
+            continue
+        for i in both:
+            remark = joined(rows[i].remark, f"the joint of {both[0] + 1} and {both[1] + 1} not compared")
+            rows[i] = replace(rows[i], verdict="estimated", remark=remark)
+    return rows
 
 
 # --- edges of whole pieces --------------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from gtcad.converters.profiles import PROFILES, Profile
 if TYPE_CHECKING:
     from gtcad.converters.occt.inspection import EdgeFacts, Inspection
 
-_FLAT = 1e-2  # curvature times size of all that still counts as none
+_FLAT = 1.0  # curvature times size of all: jumps are in percent of this where both faces are flatter
 _BESIDE = (0.5, 0.05)  # mm, and share of its length: how far from an edge its other side is looked for
 _INNER = slice(2, -2)  # samples of an edge without its ends, where other edges meet it
 
@@ -69,7 +69,7 @@ def _limit(profile: Profile, name: str) -> float:
 
 
 def continuity(inspection: Inspection, profile: Profile, size: float) -> Iterator[Across]:
-    """How faces meet along each edge; the size of all, in mm, says which curvatures count as none."""
+    """How faces meet along each edge; the size of all, in mm, says which curvatures matter."""
     for number, edge in enumerate(inspection.edges):
         if edge.alone or not len(edge.points):
             continue
@@ -98,7 +98,11 @@ def _argmax(values: Array) -> int:
 
 
 def _jumps(edge: EdgeFacts, size: float) -> tuple[Array, Array]:
-    """Angles in degrees and jumps of curvature in percent along an edge of two faces; NaN where a normal is missing."""
+    """Angles in degrees and jumps of curvature in percent along an edge of two faces; NaN where a normal is missing.
+
+    The percentage is of the larger curvature, but at least of 1 / size: a tenth of that turns normals by 0.1 over the
+    size of all. On nearly flat faces the ratio of the curvatures alone would be one of rounding errors and tolerances.
+    """
     first, second = edge.uses
     turn = 1.0 if first.forward != second.forward else -1.0
     normals = turn * second.normals

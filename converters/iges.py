@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
 from datetime import datetime
 
 from gtcad._files import written_whole
-from gtcad.converters.occt import exchange
+from gtcad.converters.occt import exchange, guards
 from gtcad.converters.part import Part
 from gtcad.errors import FileError
+
+_GEOMETRY = (range(100, 200), range(500, 600))  # types of entities
+_FINITE_ELEMENT = 136  # which has texts among its numbers
+_DELIMITERS = re.compile(rb"\s*(?:1H(.)\1|,)(?:\s*1H(.))?", re.DOTALL)
+_NUMBER = rb"\s*+(?:[-+]?(?:\d++\.?\d*+|\.\d++)(?:[EeDd][-+]?\d++)?)?\s*+"
 
 
 def write_iges(
@@ -86,14 +92,18 @@ def iges_data(path: str | os.PathLike[str]) -> bytes:
     FileError
         When there is no such file, or they do not.
     """
-    data = exchange.file_bytes(path)
-    _check_sections(str(path), data)
-    exchange.refuse_huge_numbers(path, data)
+    data = guards.file_bytes(path)
+    sections = _checked_sections(str(path), data)
+    for number, text in _geometry(sections["D"], sections["P"]):
+        guards.refuse_huge_numbers(path, text)
+        word = _no_number(text, *_delimiters(sections["G"]))
+        if word is not None:
+            raise FileError(str(path), f"is not a readable IGES file: entity {number} holds {word!r} for a number")
     return data
 
 
-def _check_sections(path: str, data: bytes) -> None:
-    """Refuse what is not five sections of numbered lines that agree with each other: the kernel dies of some of it."""
+def _checked_sections(path: str, data: bytes) -> dict[str, list[bytes]]:
+    """The lines of five sections, 72 letters of each; refused when they do not agree: the kernel dies of some of it."""
 
     def refuse(reason: str) -> None:
         raise FileError(path, f"is not a readable IGES file: {reason}")
@@ -116,6 +126,7 @@ def _check_sections(path: str, data: bytes) -> None:
     reason = _directory_complaint(sections["D"], sections["P"])
     if reason:
         refuse(reason)
+    return sections
 
 
 def _directory_complaint(directory: list[bytes], parameters: list[bytes]) -> str:
@@ -130,3 +141,30 @@ def _directory_complaint(directory: list[bytes], parameters: list[bytes]) -> str
 
 def _number(field: bytes) -> int:
     return int(field) if field.strip().isdigit() else -1
+
+
+# --- numbers ----------------------------------------------------------------------------------------------------------
+
+
+def _geometry(directory: list[bytes], parameters: list[bytes]) -> Iterator[tuple[int, bytes]]:
+    """The number in the directory and the parameters of each entity that has nothing but numbers."""
+    for i in range(0, len(directory), 2):
+        kind, start, count = _number(directory[i][:8]), _number(directory[i][8:16]), _number(directory[i + 1][24:32])
+        if kind != _FINITE_ELEMENT and any(kind in kinds for kinds in _GEOMETRY):
+            yield i + 1, b"".join(line[:64] for line in parameters[start - 1 : start - 1 + count])
+
+
+def _delimiters(start: list[bytes]) -> tuple[bytes, bytes]:
+    """What ends a parameter, and what ends the last one, as the global section says."""
+    found = _DELIMITERS.match(b"".join(start))
+    return (found[1] or b",", found[2] or b";") if found else (b",", b";")
+
+
+def _no_number(text: bytes, delimiter: bytes, end: bytes) -> str | None:
+    """The first parameter that is neither empty nor a number, if there is one: the kernel makes something up for it."""
+    delimiter, end = re.escape(delimiter), re.escape(end)
+    found = re.match(b"(?:" + _NUMBER + delimiter + b")*+", text)
+    place = found.end() if found else 0
+    if re.compile(_NUMBER + b"(?:" + end + b"|$)").match(text, place):
+        return None
+    return re.split(delimiter + b"|" + end, text[place:], maxsplit=1)[0].strip().decode("latin-1")[:40]

@@ -69,13 +69,12 @@ def check_quilt(
         for patch, figure, group in zip(quilt.names, figures, groups, strict=True)
     ]
     held = [_held(surface, group) for surface, group in zip(quilt.patches, groups, strict=True)]
-    joints = [joint for edge in quilt.edges if (joint := _joint(name, quilt, edge, held, tolerance)) is not None]
+    found = [_joint(name, quilt, edge, held, tolerance) for edge in quilt.edges]
     pieces = [piece for group in groups for piece in group]
     whole = _whole(name, shape, pieces, others, rows, tolerance)
-    if len(joints) < len(quilt.edges) and all(groups):
-        left_out = f"{len(quilt.edges) - len(joints)} of {len(quilt.edges)} shared edges not compared"
-        whole = replace(whole, remark=joined(whole.remark, left_out))
-    return [whole, *rows], joints
+    if all(groups):
+        whole = _less_sure(whole, quilt, found)
+    return [whole, *rows], [joint for joint in found if joint is not None]
 
 
 def _row(name: str, figure: Figure, group: Sequence[Piece], tolerance: float) -> Row:
@@ -153,6 +152,16 @@ def _joint(name: str, quilt: Quilt, edge: SharedEdge, held: Sequence[_Held | Non
     report = JoinReport(*figures, 0.0, found.parametric_jumps, *orders)
     labels = (quilt.label(use) for use in edge.uses)
     return Joint(f"{name}.{'-'.join(labels)}", wanted, report)
+
+
+def _less_sure(whole: Row, quilt: Quilt, found: Sequence[Joint | None]) -> Row:
+    """The whole with a remark on edges that were not compared: not proved if more than a common edge is asked there."""
+    open_edges = [edge for edge, joint in zip(quilt.edges, found, strict=True) if joint is None]
+    if not open_edges:
+        return whole
+    asked = whole.verdict == "proved" and any(edge.order[1] != "0" for edge in open_edges)
+    remark = f"{len(open_edges)} of {len(quilt.edges)} shared edges not compared"
+    return replace(whole, verdict="estimated" if asked else whole.verdict, remark=joined(whole.remark, remark))
 
 
 # --- the whole body ---------------------------------------------------------------------------------------------------

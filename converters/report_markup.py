@@ -19,6 +19,7 @@ SIGNS = {
     "missing": "\u2205",
     "invalid": "\u2717",
     "lost": "\u2717",
+    "broken": "\u2717",
     "warning": "\u25b3",
     "info": "i",
     "extra": "+",

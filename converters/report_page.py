@@ -95,9 +95,8 @@ def _cells(line: words.Line) -> list[tuple[Any, object]]:
     length = ""
     if line.worst is not None:
         length = repr(math.hypot(*line.worst.vector))
-        label = "t" if len(line.worst.parameters) == 1 else "(u, v)"
         texts = (
-            f"{label} = {words.numbers(line.worst.parameters, 4)}",
+            words.parameters(line.worst.parameters),
             f"at {words.numbers(line.worst.point, 5)}",
             f"by {words.numbers(line.worst.vector, 3)}",
         )
@@ -143,7 +142,7 @@ def statement_table(outcome: Outcome) -> Markup:
     rows = []
     for statement in outcome.statements:
         stated, found, limit = words.statement(statement)
-        mark = badge("kept" if statement.kept else "lost")
+        mark = badge("kept" if statement.kept else "broken")
         cells = (statement.name, statement.quantity, mark, stated, found, limit)
         rows.append(element("tr", *(element("td", cell) for cell in cells)))
     columns = ("shape", "quantity", "verdict", "stated", "found", "may differ by")
@@ -218,7 +217,7 @@ def edge_table(outcome: Outcome) -> Markup:
 
 def facts_list(facts: Mapping[str, Any]) -> Markup:
     """Figures of the whole file."""
-    pairs = [(key.replace("_", " "), _fact(value)) for key, value in facts.items() if key != "continuity"]
+    pairs = [_pair(key, value) for key, value in facts.items() if key != "continuity"]
     return element(
         "dl",
         *(element("div", element("dt", key), element("dd", value)) for key, value in pairs if value),
@@ -226,9 +225,22 @@ def facts_list(facts: Mapping[str, Any]) -> Markup:
     )
 
 
+_FACT_UNITS = {"_mm": " mm", "_mm2": " mm\u00b2"}
+
+
+def _pair(key: str, value: Any) -> tuple[str, str]:
+    """A fact of the JSON in words: ("size", "120 mm") for "size_mm"."""
+    name, underscore, unit = key.rpartition("_")
+    ending = _FACT_UNITS.get(underscore + unit, "")
+    text = _fact(value)
+    return (name if ending else key).replace("_", " "), text and text + ending
+
+
 def _fact(value: Any) -> str:
     if isinstance(value, Mapping):
-        return ", ".join(f"{count} {key}" for key, count in value.items())
+        counts = all(isinstance(entry, int) for entry in value.values())
+        pairs = (_pair(str(key), entry) for key, entry in value.items())
+        return ", ".join(f"{name} ({found})" if counts else f"{name} {found}" for name, found in pairs)
     if isinstance(value, list | tuple):
         return ", ".join(_fact(entry) for entry in value)
     return f"{value:.6g}" if isinstance(value, float) else "" if value is None else str(value)

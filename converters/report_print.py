@@ -168,7 +168,8 @@ def _section(outcome: Outcome, *, new_page: bool) -> Iterator[_Block]:
         )
     if outcome.statements:
         stated = [
-            [s.name, s.quantity, *words.statement(s), _marked("kept" if s.kept else "lost")] for s in outcome.statements
+            [s.name, s.quantity, *words.statement(s), _marked("kept" if s.kept else "broken")]
+            for s in outcome.statements
         ]
         columns = ("shape", "quantity", "stated", "found", "may differ by", "verdict")
         yield from _table("What the file states of its shapes, and holds", columns, stated, (30, 18, 20, 20, 16, 10))

@@ -122,7 +122,7 @@ def headline(outcome: Outcome) -> str:
 
 def statement(item: Statement) -> tuple[str, str, str]:
     """What is stated, what is found, and how far these may differ, with their unit."""
-    limit, found = f"{item.limit:.2g} {item.unit}", "none"
+    limit, found = figure(item.limit, item.unit), "none"
     if item.quantity in ("centre of gravity", "points"):
         return "", found if item.found is None else f"{item.found:.2g} {item.unit} away", limit
     return f"{item.stated:.9g} {item.unit}", found if item.found is None else f"{item.found:.9g} {item.unit}", limit
@@ -306,6 +306,11 @@ def numbers(values: Sequence[float], digits: int = 6) -> str:
     """Such as "(1, 2.5, 0)"; what is rounding beside the largest is 0."""
     least = _ROUNDING * max(map(abs, values), default=0.0)
     return f"({', '.join(f'{value if abs(value) > least else 0.0:.{digits}g}' for value in values)})"
+
+
+def parameters(values: Sequence[float]) -> str:
+    """Such as "t = 0.25" or "(u, v) = (0.25, 1)"."""
+    return f"t = {values[0]:.4g}" if len(values) == 1 else f"(u, v) = {numbers(values, 4)}"
 
 
 def figure(value: float | None, unit: str = "") -> str:

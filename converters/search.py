@@ -67,7 +67,7 @@ class Side:
         self.continuity = continuity
         self.polynomial = None if polynomial is None else _polynomial(bundle, polynomial)
         self._kind: dict[int, Approximation | None] = {}
-        self._adapted: dict[int, Approximation | None] = {}
+        self._adapted: dict[tuple[int, float], Approximation | None] = {}
 
     @property
     def least(self) -> int:
@@ -95,9 +95,9 @@ class Side:
 
     def adapted(self, poles: int, goal: float) -> Approximation | None:
         """The best with at most so many poles and knots of its own; any that reaches the goal will do."""
-        if poles not in self._adapted:
-            self._adapted[poles] = self._adapt(poles, goal)
-        return self._adapted[poles]
+        if (poles, goal) not in self._adapted:
+            self._adapted[poles, goal] = self._adapt(poles, goal)
+        return self._adapted[poles, goal]
 
     def of_degree(self, poles: int, degree: int, goal: float) -> Approximation | None:
         """The adapted approximation of that degree, or None when it is out of reach of the goal."""
@@ -255,10 +255,10 @@ def fewest_pair(
         result = proof(a, b)
         return None if result is None else ((a, b), result)
 
-    shares = {u: _share(v) * goal, v: _share(u) * goal}
+    goals = {u: _goals(v, goal), v: _goals(u, goal)}
 
     def own(side: Side, poles: int) -> Approximation | None:
-        return side.adapted(poles, shares[side])
+        return _first_of(goals[side], lambda share: side.adapted(poles, share))
 
     found = _search_pair(u, v, goal, Side.kind, passing, math.inf)
     if adapt:
@@ -267,14 +267,29 @@ def fewest_pair(
     if found is None or not adapt:
         return None if found is None else found[1]
     (a, b), _ = found
-    found = _lower_degree(u, a, shares[u], lambda one: passing(one, b), found)
+    found = _lower_degree(u, a, goals[u][0], lambda one: passing(one, b), found)
     (a, b), _ = found
-    return _lower_degree(v, b, shares[v], lambda one: passing(a, one), found)[1]
+    return _lower_degree(v, b, goals[v][0], lambda one: passing(a, one), found)[1]
 
 
-def _share(other: Side) -> float:
-    """How much of the goal a side may take: half of it, or all when splines hold the other side exactly."""
-    return _MARGIN if other.exact else 0.5
+def _goals(other: Side, goal: float) -> tuple[float, ...]:
+    """What the knots of a side are adapted to: half the goal, or all of it when splines hold the other side exactly.
+
+    A search for half of it ends elsewhere, and sometimes better.
+    """
+    return (_MARGIN * goal, 0.5 * goal) if other.exact else (0.5 * goal,)
+
+
+def _first_of(goals: Sequence[float], made: Callable[[float], Approximation | None]) -> Approximation | None:
+    """The first that is within the largest of the goals, else the best."""
+    best = None
+    for share in goals:
+        one = made(share)
+        if one is not None and (best is None or one.error < best.error):
+            best = one
+        if best is not None and best.error <= goals[0]:
+            break
+    return best
 
 
 _Index = slice | NDArray[np.int_]

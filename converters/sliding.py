@@ -13,6 +13,7 @@ a spline with the same number of poles comes nearer.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,47 +110,57 @@ def _solved(inner: Array, across: Array, rest: Array, weights: Array) -> Array:
 
 
 def certify_slid(bundle: Bundle, knots: Knots, poles: Array, tolerance: float, definition_error: float) -> Slid:
-    """Prove how far a ruled spline with poles of shape (poles, 2, 3) is from the patch between two boundaries."""
-    best = Slid(0.0, math.inf, math.inf)
+    """Prove how far a ruled spline with poles of shape (poles, 2, 3) is from the patch between two boundaries.
+
+    No upper bound is sought when a sample is farther off than the tolerance.
+    """
+    attained = max(0.0, _attained(bundle, knots, poles) - definition_error)
+    best = Slid(attained, math.inf, math.inf)
+    if attained > tolerance:
+        return best
     for parts in _PARTS:
-        found = _bounds(bundle, knots, poles, parts)
-        if found.upper < best.upper:
-            best = found
+        upper, slide = _bounds(bundle, knots, poles, parts)
+        if upper < best.upper:
+            best = Slid(attained, upper, slide)
         if best.upper + definition_error <= tolerance:
             break
-    lower = max(0.0, best.lower - definition_error)
-    return Slid(min(lower, best.upper), best.upper + definition_error, best.slide)
+    return Slid(min(attained, best.upper), best.upper + definition_error, best.slide)
 
 
-def _bounds(bundle: Bundle, knots: Knots, poles: Array, parts: int) -> Slid:
+def _bounds(bundle: Bundle, knots: Knots, poles: Array, parts: int) -> tuple[float, float]:
+    """Of the distance and of the slide, both infinite where there are none."""
     fine = knots.subdivided(parts)
     hodograph, slopes_of = hodographs(knots, np.moveaxis(poles, 1, 0))
     coarse = hodograph.subdivided(parts)
     shape = [[_shape(bundle, fine, order, side) for side in (0, 1)] for order in range(4)]
     misses = [on_spans(fine, poles[:, side], 1) - shape[0][side] for side in (0, 1)]
     steeper = [on_spans(coarse, slopes_of[side], 4) - shape[1][side] for side in (0, 1)]
-    along = misses[0].dot(shape[1][0]) + misses[1].dot(shape[1][1])
-    square = shape[1][0].dot(shape[1][0]) + shape[1][1].dot(shape[1][1])
+    along = _sum(miss.dot(slope) for miss, slope in zip(misses, shape[1], strict=True))
+    square = _sum(slope.dot(slope) for slope in shape[1])
     least = square.least()
     if not least.all():
-        return Slid(0.0, math.inf, math.inf)
+        return math.inf, math.inf
     across = max(
         (miss.times(square) - slope.times(along)).largest(least) for miss, slope in zip(misses, shape[1], strict=True)
     )
     slide = along.largest(least)
-    bend, steep = max(one.largest() for one in shape[2]), max(one.largest() for one in steeper)
-    miss, slope = max(one.largest() for one in misses), max(one.largest() for one in shape[1])
-    floor = float(np.sqrt(least.min()))
-    # of the derivative of the slide, each of both boundaries
-    rate = 2 * (steep * slope + miss * bend) / floor**2 + 4 * slide * slope * bend / floor**2
-    if not rate <= _WHOLE:
-        return Slid(0.0, math.inf, math.inf)
+    # the derivative of the slide = along / square, by the rule for quotients
+    each = list(zip(misses, steeper, *shape[1:3], strict=True))
+    turn = _sum(more.dot(slope) + miss.dot(bend) for miss, more, slope, bend in each)
+    growth = _sum(slope.dot(bend) + slope.dot(bend) for _, _, slope, bend in each)
+    if not (turn.times(square) - along.times(growth)).largest(least**2) <= _WHOLE:
+        return math.inf, math.inf
     # at the ends the slide is 0 but for rounding: where it leaves [0, 1], it is cut off
     ends = float(max(np.abs(_slides(bundle, knots, poles, np.array([0.0, 1.0])))))
+    steepest = max(one.largest() for one in shape[1])
     turned = max(one.times(along.times(along)).largest(least**2) for one in shape[2]) / 2
     rest = slide**3 / 6 * max(one.largest() for one in shape[3])
-    upper = (across + turned + rest + 2 * ends * slope) * (1 + 1e-12)
-    return Slid(_attained(bundle, knots, poles), upper, slide)
+    return (across + turned + rest + 2 * ends * steepest) * (1 + 1e-12), slide
+
+
+def _sum(pair: Iterable[Spanned]) -> Spanned:
+    first, second = pair
+    return first + second
 
 
 def _spline(knots: Knots, poles: Array, t: Array) -> Array:

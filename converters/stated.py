@@ -30,7 +30,7 @@ def items_and_accuracies(path: str, form: str) -> tuple[list[Item], tuple[float,
         When it cannot be read or holds nothing.
     """
     from gtcad.converters import brep, iges, step
-    from gtcad.converters.occt import exchange
+    from gtcad.converters.occt import exchange, guards
 
     try:
         if form == "STEP":
@@ -41,7 +41,7 @@ def items_and_accuracies(path: str, form: str) -> tuple[list[Item], tuple[float,
             found, stated = exchange.iges_items(path), iges_accuracies(data)
         else:
             found, stated = exchange.brep_items(brep.brep_data(path)), ()
-    except (exchange.Unreadable, KernelError) as error:
+    except (guards.Unreadable, KernelError) as error:
         raise FileError(path, f"is not a readable {form} file: {error}") from error
     if not found:
         raise FileError(path, "holds neither faces nor edges")

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from datetime import datetime
 
 from gtcad._files import written_whole
-from gtcad.converters.occt import exchange
+from gtcad.converters.occt import exchange, guards
 from gtcad.converters.part import Part
 from gtcad.errors import FileError, InputError
 
@@ -93,10 +93,10 @@ def step_data(path: str | os.PathLike[str]) -> bytes:
     FileError
         When there is no such file, or it does not.
     """
-    data = exchange.file_bytes(path)
+    data = guards.file_bytes(path)
     if b"ISO-10303-21;" not in data[:1000]:
         raise FileError(str(path), "is not a readable STEP file: it does not begin with ISO-10303-21;")
     if b"END-ISO-10303-21;" not in data:
         raise FileError(str(path), "is not a readable STEP file: its end is missing")
-    exchange.refuse_huge_numbers(path, data)
+    guards.refuse_huge_numbers(path, data)
     return data

@@ -446,6 +446,11 @@ FILES: dict[str, tuple[str, Callable[[bytes], bytes], set[int]]] = {
     "iges empty": ("out.igs", lambda data: b"", {3}),
     "iges binary": ("out.igs", lambda data: bytes(range(256)) * 100, {3}),
     "iges with huge coordinates": ("out.igs", hostile_step(r"(?<=,)\d\.\d{16}E\+01", "9.0000000000000000E+99"), HONEST),
+    "iges with a coordinate that is no number": (
+        "out.igs",
+        hostile_step(r"(?<=,)\d\.\d{16}E\+01", "NAN                   "),
+        {3},
+    ),
     "iges of another entity": ("out.igs", hostile_step(r"(?m)^(     )128(?=.{64}D)", r"\g<1>144"), HONEST - {0}),
     "brep cut in the middle": ("out.brep", lambda data: data[: len(data) // 2], {3}),
     "brep empty": ("out.brep", lambda data: b"", {3}),

@@ -120,6 +120,7 @@ ORDER = [
     "gtcad.converters.occt.thickening",
     "gtcad.converters.occt.originals",
     "gtcad.converters.occt.session",
+    "gtcad.converters.occt.guards",
     "gtcad.converters.occt.document",
     "gtcad.converters.occt.entities",
     "gtcad.converters.occt.inspection",

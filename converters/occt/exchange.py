@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import io
 import math
-import os
-import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from datetime import datetime
 from functools import partial
-from pathlib import Path
 from typing import Any, Literal
 
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
@@ -28,6 +25,7 @@ from gtcad.converters.occt.entities import (
 from gtcad.converters.occt.faces import area, distances_to, measured, volume
 from gtcad.converters.occt.facets import facets
 from gtcad.converters.occt.geometry import halves, is_full_ellipse
+from gtcad.converters.occt.guards import Unreadable, entities, refuse_failures, refuse_lost_faces
 from gtcad.converters.occt.originals import Spline, iges_originals, protect, restored, step_originals
 from gtcad.converters.occt.pieces import (
     ShapeKey,
@@ -62,8 +60,6 @@ _TopoDS = kernel_module("TopoDS")
 
 Schema = Literal["AP242", "AP214", "AP203"]
 SCHEMAS = {"AP242": "AP242DIS", "AP214": "AP214IS", "AP203": "AP203"}
-_FACES = ("StepShape_AdvancedFace", "StepShape_FaceSurface")
-_BESIDES = ("StepDimTol_", "StepAP", "StepKinematics_")  # packages of entities that are not looked at
 _VOLUME = 1e-9  # relative: of the kernel's volumes
 _REAL_FORMAT = "%.16E"  # 17 digits: every double comes back bit for bit
 
@@ -100,17 +96,11 @@ def step_bytes(items: Sequence[Item], *, schema: Schema, tolerance: float, times
         if not writer.Transfer(labels, _STEPControl.STEPControl_AsIs):
             raise KernelError("the kernel cannot write these shapes to STEP")
         model = writer.ChangeWriter().Model()
-        styles, names = finish_step_entities(_entities(model, 0), items, timestamp)
+        styles, names = finish_step_entities(entities(model, 0), items, timestamp)
         points = [] if schema == "AP203" else point_entities(model, items, model.NbEntities() + len(styles) + 1)
         set_step_header(model, timestamp)
         data = _printed(_StepData.StepData_StepWriter(model), _StepAP214.Protocol_s())
     return with_names(with_entities(data, points, styles), names)
-
-
-def _entities(model: Any, done: int) -> Iterator[Any]:
-    """The entities that were added to a model after the first `done` ones."""
-    for i in range(done + 1, model.NbEntities() + 1):
-        yield model.Entity(i)
 
 
 def _printed(sender: Any, protocol: Any) -> bytes:
@@ -150,7 +140,7 @@ def iges_bytes(items: Sequence[Item], *, tolerance: float, timestamp: datetime) 
             if not writer.Transfer(document.add(_in_shell(item) if is_analytic(item.shape) else item)):
                 raise KernelError(f"the kernel cannot write {item.name!r} to IGES")
             tops.append(model.Entity(done + 1))
-            set_iges_names(_entities(model, done), item.name)
+            set_iges_names(entities(model, done), item.name)
             done = model.NbEntities()
         writer.ComputeModel()
         for top, item in zip(tops, items, strict=True):
@@ -183,10 +173,6 @@ def brep_bytes(items: Sequence[Item]) -> bytes:
 # --- reading ------------------------------------------------------------------------------------------------------
 
 
-class Unreadable(Exception):
-    """The kernel cannot read a file, or not all of it."""
-
-
 def step_items(data: bytes) -> list[Item]:
     """Every face and every free edge of a STEP file, in mm and in the order of the file.
 
@@ -202,11 +188,11 @@ def step_items(data: bytes) -> list[Item]:
         if reader.ReadStream("gtcad", io.BytesIO(data)) != _IFSelect.IFSelect_RetDone:
             raise Unreadable("its syntax is wrong")
         work_session = reader.Reader().WS()
-        for entity in _entities(work_session.Model(), 0):
+        for entity in entities(work_session.Model(), 0):
             protect(entity)
         _transfer(reader, work_session, document)
-        _check_faces(work_session)
-        items = _with_originals(document, step_originals(_entities(work_session.Model(), 0)))
+        refuse_lost_faces(work_session)
+        items = _with_originals(document, step_originals(entities(work_session.Model(), 0)))
         stated = stated_properties(work_session.Model())
         return [replace(item, properties=stated.get(item.product)) for item in items]
 
@@ -225,14 +211,14 @@ def iges_items(path: str) -> list[Item]:
         if reader.ReadFile(path) != _IFSelect.IFSelect_RetDone:
             raise Unreadable("its syntax is wrong")
         _transfer(reader, reader.WS(), document)
-        return _with_originals(document, iges_originals(_entities(reader.WS().Model(), 0)))
+        return _with_originals(document, iges_originals(entities(reader.WS().Model(), 0)))
 
 
 def _transfer(reader: Any, work_session: Any, document: Document) -> None:
-    _refuse_failures(work_session.Model(), work_session.ModelCheckList(False))
+    refuse_failures(work_session.Model(), work_session.ModelCheckList(False))
     if not reader.Transfer(document.data):
         raise Unreadable("the kernel finds no shape in it")
-    _refuse_failures(work_session.Model(), work_session.TransferReader().LastCheckList())
+    refuse_failures(work_session.Model(), work_session.TransferReader().LastCheckList())
 
 
 def _with_originals(document: Document, originals: Iterator[Spline]) -> list[Item]:
@@ -241,36 +227,6 @@ def _with_originals(document: Document, originals: Iterator[Spline]) -> list[Ite
         return items
     known = tuple(originals)
     return [replace(item, originals=known) for item in items]
-
-
-def _refuse_failures(model: Any, checks: Any) -> None:
-    """Refuse entities that the kernel could not read or convert: it would leave them out, or die of them."""
-    checks.Start()
-    while checks.More():
-        number = checks.Number()
-        kind = type(model.Entity(number)).__name__ if number else "file"
-        for complaint in _complaints(checks.Value()):
-            if not kind.startswith(_BESIDES):
-                raise Unreadable(f"entity {number} ({kind.partition('_')[2]}): {complaint.strip()}")
-        checks.Next()
-
-
-def _complaints(check: Any) -> Iterator[str]:
-    """Failures, and the warnings by which the kernel says that it left something out."""
-    for i in range(1, check.NbFails() + 1):
-        yield str(check.CFail(i))
-    for i in range(1, check.NbWarnings() + 1):
-        if "not mapped" in str(check.CWarning(i)):
-            yield str(check.CWarning(i))
-
-
-def _check_faces(work_session: Any) -> None:
-    """Refuse a STEP file with faces that the kernel did not turn into shapes."""
-    model, process = work_session.Model(), work_session.TransferReader().TransientProcess()
-    total = sum(type(entity).__name__ in _FACES for entity in _entities(model, 0))
-    found = sum(type(process.Mapped(i)).__name__ in _FACES for i in range(1, process.NbMapped() + 1))
-    if found < total:
-        raise Unreadable(f"{total - found} of its {total} faces belong to no product")
 
 
 def brep_items(data: bytes) -> list[Item]:
@@ -291,40 +247,6 @@ def brep_items(data: bytes) -> list[Item]:
 
 
 # --- between files, parts and shapes ------------------------------------------------------------------------------
-
-
-def file_bytes(path: str | os.PathLike[str]) -> bytes:
-    """All of a file.
-
-    Raises
-    ------
-    FileError
-        When there is no such file, or it cannot be read or is empty.
-    """
-    try:
-        data = Path(path).read_bytes()
-    except FileNotFoundError as error:
-        raise FileError(str(path), "no such file") from error
-    except OSError as error:
-        raise FileError(str(path), f"cannot be read: {error.strerror}") from error
-    if not data:
-        raise FileError(str(path), "is empty")
-    return data
-
-
-_HUGE = re.compile(rb"[0-9.](?!D[0-9]{7}[\r\n])[EeDd]\+?0*[1-9][0-9]{2,}")  # D0000100 ends a line of IGES
-
-
-def refuse_huge_numbers(path: str | os.PathLike[str], data: bytes) -> None:
-    """Refuse a STEP or IGES file with numbers of 1e100 or more, which the kernel hangs on.
-
-    Raises
-    ------
-    FileError
-        When there is one.
-    """
-    if _HUGE.search(data):
-        raise FileError(str(path), "holds a number of 1e+100 or more")
 
 
 def items_of(parts: Sequence[Part], *, halved_ellipses: bool = False) -> list[Item]:

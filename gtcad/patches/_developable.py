@@ -5,7 +5,7 @@ from __future__ import annotations
 import abc
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +15,7 @@ from gtcad.errors import SingularDevelopable
 from gtcad.factors import CurveOfTerms, SurfaceOfTerms
 from gtcad.patches._definitions import Edge
 from gtcad.patches._patch import LINEAR, Patch, Rows, placed
-from gtcad.patches._singular import VANISHES, first_zero, kept
+from gtcad.patches._singular import VANISHES, first_zero
 
 Array = NDArray[np.float64]
 
@@ -161,10 +161,13 @@ class Developable(Patch):
 
     def _stretches(self, t: Array) -> tuple[Array, Array]:
         """How fast a and b advance across the rulings, in one tangent plane: at the edge of regression nothing does."""
-        a, b = (edge.taylor(t, 2).terms for edge in self._edges)
-        across = np.cross(self._directions(t), self._normals(t))
-        first, second = (np.einsum("td,td->t", one[1], across) for one in (a, b))
+        first, second = (self._stretch(edge, t) for edge in self._edges)
         return first, second
+
+    def _stretch(self, edge: Edge, t: Array) -> Array:
+        """Of one of them."""
+        across = np.cross(self._directions(t), self._normals(t))
+        return np.asarray(np.einsum("td,td->t", edge.taylor(t, 2).terms[1], across))
 
     # What makes it singular
 
@@ -180,10 +183,10 @@ class Developable(Patch):
         start, end = (edge.taylor(t, 2).terms for edge in self._edges)
         along = end[0] - start[0]
         refuse_zero("the boundaries meet", self._gap, float(np.linalg.norm(along, axis=1).max()))
-        crossings, stretches = [], kept(self._stretches)
-        for index, one in enumerate((start, end)):
+        crossings = []
+        for edge, one in zip(self._edges, (start, end), strict=True):
             scale = float(np.linalg.norm(one[1], axis=1).max())
-            zero = first_zero(lambda t, index=index: stretches(t)[index], scale)  # type: ignore[misc]
+            zero = first_zero(partial(self._stretch, edge), scale)
             crossings += [] if zero is None else [zero]
         first, second = self._stretches(np.zeros(1))
         if first[0] * second[0] < 0:

@@ -33,24 +33,33 @@ def zeros(function: Function, scale: float) -> list[float]:
     scale
         What is below 1e-9 of it vanishes.
     """
-    t = np.linspace(0, 1, _SAMPLES)
-    values = function(t)
-    if _sizes(values).max() <= VANISHES * scale:
-        return [0.0]  # everywhere
-    found = []
-    if values.ndim == 1:
-        changes = np.flatnonzero(values[:-1] * values[1:] < 0)
-        found += [_bracketed(function, float(t[k]), float(t[k + 1])) for k in changes]
-    for place in _dips(t, _sizes(values), _WORTH_A_LOOK * scale):
-        nearest, least = _lowest(function, *place)
-        if least <= VANISHES * scale and not any(abs(nearest - other) <= 2 * _STEP for other in found):
-            found.append(nearest)
-    return sorted(found)
+    return sorted(_found(function, scale, all_of_them=True))
 
 
 def first_zero(function: Function, scale: float) -> float | None:
     """The least of the ``zeros``, None where there is none."""
-    return next(iter(zeros(function, scale)), None)
+    return min(_found(function, scale, all_of_them=False), default=None)
+
+
+def _found(function: Function, scale: float, all_of_them: bool) -> list[float]:
+    """All zeros, or some with the first among them: a change of sign hides all that comes after."""
+    t = np.linspace(0, 1, _SAMPLES)
+    values = function(t)
+    if _sizes(values).max() <= VANISHES * scale:
+        return [0.0]  # everywhere
+    found, last = [], 1.0
+    if values.ndim == 1:
+        changes = np.flatnonzero(values[:-1] * values[1:] < 0)
+        if changes.size and not all_of_them:
+            changes, last = changes[:1], float(t[changes[0]])
+        found += [_bracketed(function, float(t[k]), float(t[k + 1])) for k in changes]
+    for place in _dips(t, _sizes(values), _WORTH_A_LOOK * scale):
+        if place[0] > last:
+            break
+        nearest, least = _lowest(function, *place)
+        if least <= VANISHES * scale and not any(abs(nearest - other) <= 2 * _STEP for other in found):
+            found.append(nearest)
+    return found
 
 
 def _sizes(values: Array) -> Array:

@@ -81,7 +81,7 @@ class Taylor:
 
     def cross(self, other: Taylor) -> Taylor:
         """The vector product."""
-        return self._product(other, np.cross)
+        return self._product(other, _cross)
 
     def dot(self, other: Taylor) -> Taylor:
         """The scalar product."""
@@ -120,3 +120,11 @@ class Taylor:
     def _product(self, other: Taylor, product: Callable[[Array, Array], Array]) -> Taylor:
         a, b = self.terms, other.terms
         return Taylor(np.stack([sum(product(a[j], b[k - j]) for j in range(k + 1)) for k in range(len(a))]))
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """As ``np.cross``, which takes four times as long for few vectors."""
+    (a0, a1, a2), (b0, b1, b2) = a.T, b.T
+    product = np.empty(a.shape)
+    product[:, 0], product[:, 1], product[:, 2] = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
+    return product

@@ -14,6 +14,7 @@ from gtcad.converters.occt.compat import kernel_module
 from gtcad.converters.occt.topology import make_edge, make_face
 from gtcad.converters.part import Part
 from gtcad.converters.quadrics import surface_of_quadric
+from gtcad.converters.readiness import readiness_of_file
 from gtcad.errors import FileError, InputError
 from tests.converters.occt import shapes
 
@@ -175,6 +176,15 @@ def test_words_among_the_numbers_are_refused(written, tmp_path):
     (tmp_path / "a.brep").write_text(text.replace("0 0 1 0", "0 0 one 0", 1))
     with pytest.raises(FileError, match="its table Curve2ds holds something that is no number"):
         read_brep(tmp_path / "a.brep")
+
+
+def test_infinite_numbers_are_refused(written, tmp_path):
+    text = written.read_text()
+    place = text.index("\nSurfaces")
+    (tmp_path / "a.brep").write_text(text[:place] + re.sub(r"\d\.\d{6,}", "1e+400", text[place:], count=1))
+    for read in (read_brep, lambda path: readiness_of_file(str(path), "BREP")):
+        with pytest.raises(FileError, match="holds a number of 1e\\+100 or more"):
+            read(tmp_path / "a.brep")
 
 
 def test_an_empty_compound_holds_nothing(tmp_path):

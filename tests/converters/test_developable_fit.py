@@ -199,19 +199,17 @@ def poles_too_many(patch):
 
 
 def test_random_regular_families():
-    excess = [poles_too_many(patch) for patch in regular_patches(40, 10_000)]
-    assert max(excess) <= 1
-    assert sum(one > 0 for one in excess) <= 2  # both boundaries have one set of knots, each alone has its own
-    assert np.mean(excess) < 0
+    excess = [poles_too_many(patch) for patch in regular_patches(8, 10_000)]
+    assert max(excess) <= 0
+    assert np.mean(excess) < -0.25
 
 
 @pytest.mark.stress
 @pytest.mark.parametrize("start", range(20_000, 30_000, 1000))
 def test_random_regular_families_stress(start):
     excess = [poles_too_many(patch) for patch in regular_patches(50, start)]
-    assert max(excess) <= 1
-    assert sum(one > 0 for one in excess) <= 5
-    assert np.mean(excess) < 0
+    assert max(excess) <= 0
+    assert np.mean(excess) < -0.25
 
 
 def test_the_random_families_differ():

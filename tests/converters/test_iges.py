@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from gtcad.converters.occt import session
 from gtcad.converters.occt.compat import kernel_module
 from gtcad.converters.occt.topology import make_face
 from gtcad.converters.part import EllipseArc, Part
+from gtcad.converters.readiness import readiness_of_file
 from gtcad.errors import FileError, InputError
 from tests.converters.occt import shapes
 
@@ -259,6 +261,75 @@ def test_a_curve_that_the_kernel_drops_is_noticed(written, tmp_path):
     (tmp_path / "a.igs").write_bytes(b"\n".join(lines) + b"\n")
     with pytest.raises(FileError, match=r"entity 1 \(BSplineCurve\): Knots are not in ascending order"):
         read_iges(tmp_path / "a.igs")
+
+
+@pytest.mark.parametrize(
+    "word", [b"NAN", b"-nan", b"INF", b"-Infinity", b"1.#QNAN", b"3HNAN", b"*", b"$", b"7 8", b"0x1p3"]
+)
+def test_words_among_the_numbers_are_refused(tmp_path, word):
+    """The kernel puts other numbers in their place without a word."""
+    replaced_pole(tmp_path / "a.igs", word)
+    message = rf"is not a readable IGES file: entity \d+ holds '{re.escape(word.decode())}' for a number"
+    for read in (read_iges, lambda path: readiness_of_file(str(path), "IGES")):
+        with pytest.raises(FileError, match=message):
+            read(tmp_path / "a.igs")
+
+
+@pytest.mark.parametrize("number", [b"1.D0000100", b"1E+100", b"-2.5D999", b"1.e+99999"])
+def test_infinite_and_huge_numbers_are_refused(tmp_path, number):
+    replaced_pole(tmp_path / "a.igs", number)
+    for read in (read_iges, lambda path: readiness_of_file(str(path), "IGES")):
+        with pytest.raises(FileError, match="holds a number of 1e\\+100 or more"):
+            read(tmp_path / "a.igs")
+
+
+@pytest.mark.parametrize(("number", "value"), [(b".5", 0.5), (b"-.5D+1", -5.0), (b"+7.", 7.0), (b"7", 7.0), (b"", 0.0)])
+def test_numbers_may_be_written_in_many_ways(tmp_path, number, value):
+    replaced_pole(tmp_path / "a.igs", number)
+    (part,) = read_iges(tmp_path / "a.igs")
+    assert part.geometry.control_points[1, 0] == value
+
+
+def replaced_pole(path, number):
+    """A line whose second pole begins with something else than 3."""
+    write_iges(path, [Part("a", BSplineCurve([[0, 0, 1], [3, 0, 1], [5, 2, 1]], [0, 1], [3, 3], 2))], timestamp=STAMP)
+    lines = path.read_bytes().splitlines()
+    (place,) = (i for i, line in enumerate(lines) if line[72:73] == b"P" and b"3.0000000000000000E+00" in line)
+    text = lines[place][:64].replace(b"3.0000000000000000E+00", number)
+    lines[place] = text.rstrip().ljust(64) + lines[place][64:]
+    path.write_bytes(b"\n".join(lines) + b"\n")
+
+
+def test_numbers_of_lines_and_names_are_no_huge_numbers(tmp_path):
+    names = [f"rev {k}E500" for k in range(120)]
+    curves = [shapes.curve(k) for k in range(120)]
+    write_iges(tmp_path / "a.igs", [Part(*both) for both in zip(names, curves, strict=True)])
+    assert b"0D0000101" in (tmp_path / "a.igs").read_bytes()
+    parts = read_iges(tmp_path / "a.igs")
+    assert [part.name for part in parts] == names
+    for part, curve in zip(parts, curves, strict=True):
+        assert np.array_equal(part.geometry.control_points, curve.control_points)
+
+
+def test_other_delimiters(tmp_path):
+    replaced_pole(tmp_path / "a.igs", b"7.")
+    lines = (tmp_path / "a.igs").read_bytes().splitlines()
+    start = next(i for i, line in enumerate(lines) if line[72:73] == b"G")
+    changed = [
+        line[:64].replace(b",", b"/").replace(b";", b"!") + line[64:] if line[72:73] == b"P" else line for line in lines
+    ]
+    fields = b"".join(line[:72] for line in lines if line[72:73] == b"G").rstrip()
+    assert fields.startswith(b",,")
+    fields = b"1H//1H!/" + fields[2:].replace(b",", b"/").replace(b";", b"!")
+    count = sum(line[72:73] == b"G" for line in lines)
+    new = [fields[72 * k : 72 * k + 72].ljust(72) + b"G%07d" % (k + 1) for k in range(-(-len(fields) // 72))]
+    changed[start : start + count] = new
+    changed[-1] = (
+        changed[-1].replace(b"G%7d" % count, b"G%7d" % len(new)).replace(b"G%07d" % count, b"G%07d" % len(new))
+    )
+    (tmp_path / "b.igs").write_bytes(b"\n".join(changed) + b"\n")
+    (part,) = read_iges(tmp_path / "b.igs")
+    assert part.geometry.control_points[1, 0] == 7.0
 
 
 def test_directory_and_parameters_must_agree(written, tmp_path):

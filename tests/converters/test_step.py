@@ -24,6 +24,7 @@ from gtcad.converters.occt.geometry import to_geom_surface
 from gtcad.converters.occt.topology import make_edge, make_face
 from gtcad.converters.part import EllipseArc, Part
 from gtcad.converters.quadrics import surface_of_quadric
+from gtcad.converters.readiness import readiness_of_file
 from gtcad.converters.step import read_step, write_step
 from gtcad.errors import FileError, InputError, KernelError
 from tests.converters.occt import shapes
@@ -130,6 +131,11 @@ def test_equal_weights_are_left_out(tmp_path):
 def test_names_come_back_whatever_they_are(tmp_path, names):
     write_step(tmp_path / "a.step", [Part(name, shapes.curve(i)) for i, name in enumerate(names)])
     assert [part.name for part in read_step(tmp_path / "a.step")] == names
+
+
+def test_names_like_huge_numbers_are_names(tmp_path):
+    write_step(tmp_path / "a.step", [Part("bracket 12E500, 3d4100f", shapes.curve(1))])
+    assert [part.name for part in read_step(tmp_path / "a.step")] == ["bracket 12E500, 3d4100f"]
 
 
 def test_files_of_edges_only_and_of_faces_only(tmp_path):
@@ -552,6 +558,19 @@ def test_damaged_files_are_refused_rather_than_read_in_part(written, tmp_path, o
     (tmp_path / "damaged.step").write_text(text.replace(old, new, 1))
     with pytest.raises(FileError, match=r"is not a readable STEP file: entity \d+ \(\w+\): "):
         read_step(tmp_path / "damaged.step")
+
+
+@pytest.mark.parametrize("word", ["NAN", "-INF", "1.#QNAN", "Infinity", "1.E+999", "*"])
+def test_coordinates_that_are_no_finite_numbers_are_refused(tmp_path, word):
+    write_step(tmp_path / "a.step", [Part("a", shapes.patch(1))])
+    text = (tmp_path / "a.step").read_text()
+    place = text.index("BOUNDED_SURFACE" if "BOUNDED_SURFACE" in text else "B_SPLINE_SURFACE")
+    changed = re.sub(r"(CARTESIAN_POINT\('[^']*',\()[^,]*", rf"\g<1>{word}", text[place:], count=1)
+    assert changed != text[place:]
+    (tmp_path / "a.step").write_text(text[:place] + changed)
+    for read in (read_step, lambda path: readiness_of_file(str(path), "STEP")):
+        with pytest.raises(FileError):
+            read(tmp_path / "a.step")
 
 
 def test_lost_faces_are_noticed(tmp_path):
