@@ -12,7 +12,7 @@ import time
 import warnings
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, Any
 
@@ -168,7 +168,9 @@ def _on_cluster(jobs: Sequence[Job], scheduler: str, runner: Runner) -> Generato
         raise FileError(scheduler, f"no scheduler answers: {error}") from error
     with client:
         futures = {
-            client.submit(attempt_on_worker, job, runner.timeout, runner.memory, run_job, pure=False): job
+            client.submit(
+                attempt_on_worker, _from_anywhere(job), runner.timeout, runner.memory, run_job, pure=False
+            ): job
             for job in jobs
         }
         try:
@@ -185,7 +187,14 @@ def _gathered(future: Any, job: Job) -> Outcome:
         outcome: Outcome = future.result()
     except Exception as error:  # lost workers come in many classes
         return failed(job, KernelError(f"the cluster lost the job: {type(error).__name__}: {error}"))
-    return outcome
+    message = outcome.message.replace(os.path.abspath(job.file), job.file)
+    return replace(outcome, file=job.file, against=job.against, message=message)
+
+
+def _from_anywhere(job: Job) -> Job:
+    """The job with names that do not depend on the folder in which a worker was started."""
+    against = job.against if job.against is None else os.path.abspath(job.against)
+    return replace(job, file=os.path.abspath(job.file), against=against)
 
 
 # --- the log ----------------------------------------------------------------------------------------------------------

@@ -37,7 +37,8 @@ _EAGER = 0.8  # each takes a little more than seems needed
 _SPANS_OF_A_FAILURE = 64
 _DRAGS = (1.0, 0.5, 2.5)  # tried in this order; with less drag parameters slide farther
 _FEW_POLES = 40  # more take long to slide
-_NEAR, _NEARER = 0.97, 0.85  # of the tolerance: what knots and poles are searched for
+_NEAR, _HALF, _NEARER = 0.97, 0.5, 0.85  # of the tolerance: what knots, and poles, are searched for
+_FAR = 1.5  # times the tolerance: another drag does not help
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,13 +174,11 @@ def _fitted(patch: SeparableSurface, side: Side, tolerance: float, sliding: bool
         least = min(least, certificate.upper)
         return _Found(spline, (certificate.lower, certificate.upper)) if certificate.upper <= tolerance else None
 
-    # fresh adapted approximations: a side keeps them for one goal
-    fresh = Side(side.bundle, side.degrees, side.continuity, side.end_order, side.max_spans)
-    found = fewest(fresh, tolerance, proof, adapt=True)
+    found = fewest(side, tolerance, proof, adapt=True)
     if found is None:
-        proof(fresh.best_of(min(side.max_spans, _SPANS_OF_A_FAILURE)))
+        proof(side.best_of(min(side.max_spans, _SPANS_OF_A_FAILURE)))
         raise ToleranceNotMet(tolerance, least, side.max_spans, f"max_spans = {side.max_spans}")
-    while sliding and (better := _with_fewer(fresh, found, tolerance, patch.definition_error)) is not None:
+    while sliding and (better := _with_fewer(side, found, tolerance, patch.definition_error)) is not None:
         found = better
     twist = spline_twist_deg(found.spline)
     return DevelopableFit(
@@ -190,15 +189,20 @@ def _fitted(patch: SeparableSurface, side: Side, tolerance: float, sliding: bool
 def _with_fewer(side: Side, found: _Found, tolerance: float, definition_error: float) -> _Found | None:
     """A face with fewer poles whose parameters slide."""
     count = len(found.spline.control_points)
-    one = side.adapted(count - 1, _NEAR * tolerance) if side.least < count <= _FEW_POLES else None
-    if one is None or one.knots.poles >= count:
+    if not side.least < count <= _FEW_POLES:
         return None
-    start = _poles(one, side.bundle)
-    for drag in _DRAGS:
-        poles = slid_poles(side.bundle, one.knots, start, _NEARER * tolerance, drag)
-        slid = certify_slid(side.bundle, one.knots, poles, tolerance, definition_error)
-        if slid.upper <= tolerance:
-            return _Found(_face(one.knots, poles), (slid.lower, slid.upper), slid.slide)
+    for goal in (_NEAR, _HALF):  # from knots of the one search and of the other
+        one = side.adapted(count - 1, goal * tolerance)
+        if one is None or one.knots.poles >= count:
+            continue
+        start = _poles(one, side.bundle)
+        for drag in _DRAGS:
+            poles = slid_poles(side.bundle, one.knots, start, _NEARER * tolerance, drag)
+            slid = certify_slid(side.bundle, one.knots, poles, tolerance, definition_error)
+            if slid.upper <= tolerance:
+                return _Found(_face(one.knots, poles), (slid.lower, slid.upper), slid.slide)
+            if slid.lower > _FAR * tolerance:
+                break
     return None
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gtcad._documents import read_document, shown
-from gtcad.errors import ModelError
+from gtcad.errors import FileError, ModelError
 
 _FIELDS = ("file", "against", "tolerance", "profile")
 
@@ -50,6 +50,8 @@ def read_manifest(path: str | os.PathLike[str]) -> list[Wanted]:
     ModelError
         When it is no such list; the message names every wrong place.
     """
+    if not os.path.exists(path):
+        raise FileError(str(path), "no such file")
     document, repeated = read_document(path)
     problems = [f"{_text(location)}: {message}" for location, message in repeated]
     problems += [f"{name}: is not a field of a list of checks" for name in document if name != "check"]

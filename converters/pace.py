@@ -1,7 +1,8 @@
-"""A surface whose parameter along one side runs at the pace of another surface's side: for joints of what is slid."""
+"""Joints of what others have written: sides run through at another pace, and coordinates rounded to some digits."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gtcad._sides import DerivableSurface
+from gtcad.continuity import Thresholds
 from gtcad.converters.bspline import BSplineSurface
 from gtcad.converters.nearest import PointSet, nearest
 from gtcad.errors import InputError
@@ -23,6 +25,8 @@ Bounds = tuple[float, float]
 Surface = BSplineSurface | SeparableSurface
 
 _COUNT, _DEGREE = 97, 5
+_DIGITS = 1e-10  # relative: what coordinates of files may be rounded to
+_SINGULAR = 1e-6  # relative: a normal shorter than that, for the longest along the side, is none
 _AT_ENDS = 1e-9  # of the domain: feet as near to its ends are these
 
 
@@ -105,3 +109,47 @@ def _along(surface: Surface, side: str, y: Array, order: int) -> Array:
         return (v1 - v0) ** order * surface.derivative(fixed, t, (0, order))
     fixed, t = np.full(y.shape, v1 if last else v0), np.clip(u0 * (1 - y) + u1 * y, u0, u1)
     return (u1 - u0) ** order * surface.derivative(t, fixed, (order, 0))
+
+
+# --- rounded coordinates ----------------------------------------------------------------------------------------------
+
+
+def rounding_limits(surfaces: Sequence[Surface], sides: Sequence[str], curvature: float) -> Thresholds:
+    """What still counts as continuous along a side when coordinates are rounded to ten digits, as IGES files have them.
+
+    A spline's derivative moves by at most 2 e p / h when its poles move by e, where p is its degree and h the span at
+    the side, and its second derivative by 4 e p (p - 1) / h^2.
+
+    Parameters
+    ----------
+    surfaces, sides
+        Of the joint.
+    curvature
+        That jumps of curvature are relative to, in 1/mm.
+    """
+    usual = Thresholds()
+    noise = [_noise(surface, side) for surface, side in zip(surfaces, sides, strict=True)]
+    gap, angle, bending = (sum(values) for values in zip(*noise, strict=True))
+    relative = bending / curvature if curvature > 0 else 0.0
+    return Thresholds(usual.gap + gap, usual.angle_deg + np.rad2deg(angle), usual.curvature + relative)
+
+
+def _noise(surface: Surface, side: str) -> tuple[float, float, float]:
+    """How far rounding moves points (mm), normals (radians) and curvatures (1/mm) along a side, to first order."""
+    if isinstance(surface, SeparableSurface):
+        return 0.0, 0.0, 0.0
+    moved = _DIGITS * float(np.abs(surface.control_points).max())
+    axis, last = "uv".index(side[0]), -1 if side[1] == "1" else 0
+    places = [np.linspace(*ends, _COUNT) for ends in surface.domain]
+    places[axis] = np.full(_COUNT, surface.domain[axis][last])
+    tangents = surface.derivatives(*places)
+    area = np.linalg.norm(np.cross(*tangents), axis=-1)
+    regular = area > _SINGULAR * area.max()
+    spans = np.diff(surface.knots_u), np.diff(surface.knots_v)
+    angle = bending = np.zeros(np.count_nonzero(regular))
+    for k, degree in enumerate((surface.degree_u, surface.degree_v)):
+        height = (area / np.linalg.norm(tangents[1 - k], axis=-1).clip(np.finfo(float).tiny))[regular]
+        span = float(spans[k][last] if k == axis else spans[k].min())
+        angle = angle + 2 * moved * degree / span / height
+        bending = bending + 4 * moved * degree * (degree - 1) / span**2 / height**2
+    return moved, float(angle.max(initial=0.0)), float(bending.max(initial=0.0))

@@ -9,12 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gtcad._sides import DerivableSurface
 from gtcad.continuity import JoinReport
 from gtcad.converters.bspline import BSplineSurface
 from gtcad.converters.chain_check import Joint
 from gtcad.converters.figures import Figure, Piece
 from gtcad.converters.folds import crease
-from gtcad.converters.pace import paced
+from gtcad.converters.pace import paced, rounding_limits
 from gtcad.converters.part import BodyFacts
 from gtcad.converters.verdicts import Row, Verdict, compared, joined
 from gtcad.converters.wall import SMOOTH, wall_volume
@@ -140,15 +141,17 @@ def _joint(name: str, quilt: Quilt, edge: SharedEdge, held: Sequence[_Held | Non
         return None
     backwards = edge.reversed ^ first.against(edge.first) ^ second.against(edge.second)
     sides = first.side(edge.first.side), second.side(edge.second.side)
-    wanted = edge.order
-    if max(first.gap, second.gap) <= tolerance:
-        found = check_edge(first.surface, sides[0], second.surface, sides[1], reversed=backwards)
-    else:
-        wanted = f"G{edge.order[1]}"
-        other = paced(second.surface, sides[1], first.surface, sides[0])
-        found = check_edge(first.surface, sides[0], other, sides[1], reversed=False)
+    other: BSplineSurface | SeparableSurface | DerivableSurface = second.surface
+    wanted, way = edge.order, backwards
+    if max(first.gap, second.gap) > tolerance:
+        wanted, other, way = f"G{edge.order[1]}", paced(second.surface, sides[1], first.surface, sides[0]), False
+    found = check_edge(first.surface, sides[0], other, sides[1], reversed=way)
+    order = found.geometric_order
+    if not found.meets(wanted):
+        limits = rounding_limits((first.surface, second.surface), sides, found.curvature)
+        order = check_edge(first.surface, sides[0], other, sides[1], reversed=way, thresholds=limits).geometric_order
     figures = (found.gap[1], found.normal_angle_deg, found.curvature_jump, found.curvature_rate_jump)
-    orders = found.parametric_order, found.geometric_order
+    orders = found.parametric_order, order
     report = JoinReport(*figures, 0.0, found.parametric_jumps, *orders)
     labels = (quilt.label(use) for use in edge.uses)
     return Joint(f"{name}.{'-'.join(labels)}", wanted, report)

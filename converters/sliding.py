@@ -5,7 +5,7 @@ slide along u, one for each ruling: with the difference e = T - S of both bounda
 
     slide = (e_a.a' + e_b.b') / (|a'|^2 + |b'|^2),
 
-``|T(u, v) - S(u + slide, v)|`` is at most ``|e - slide (a', b')| + slide^2 |S_uu| / 2 + |slide|^3 max |S_uuu| / 6``.
+``|T(u, v) - S(u + slide, v)|`` is at most ``|e - slide S_u - slide^2 S_uu / 2| + |slide|^3 max |S_uuu| / 6``.
 That bounds the distance of the two point sets, either way, and of their boundaries. What slides costs nothing, so that
 a spline with the same number of poles comes nearer.
 """
@@ -140,9 +140,6 @@ def _bounds(bundle: Bundle, knots: Knots, poles: Array, parts: int) -> tuple[flo
     least = square.least()
     if not least.all():
         return math.inf, math.inf
-    across = max(
-        (miss.times(square) - slope.times(along)).largest(least) for miss, slope in zip(misses, shape[1], strict=True)
-    )
     slide = along.largest(least)
     # the derivative of the slide = along / square, by the rule for quotients
     each = list(zip(misses, steeper, *shape[1:3], strict=True))
@@ -153,9 +150,13 @@ def _bounds(bundle: Bundle, knots: Knots, poles: Array, parts: int) -> tuple[flo
     # at the ends the slide is 0 but for rounding: where it leaves [0, 1], it is cut off
     ends = float(max(np.abs(_slides(bundle, knots, poles, np.array([0.0, 1.0])))))
     steepest = max(one.largest() for one in shape[1])
-    turned = max(one.times(along.times(along)).largest(least**2) for one in shape[2]) / 2
+    # T(u) - S(u + slide) but for the third order, times the square of ``square``
+    linear, whole, curving = along.times(square), square.times(square), along.times(along)
+    across = [miss.times(whole) - slope.times(linear) for miss, _, slope, _ in each]
+    bends = [bend.times(curving) for _, _, _, bend in each]
+    near = max((one + one - bend).largest(2 * least**2) for one, bend in zip(across, bends, strict=True))
     rest = slide**3 / 6 * max(one.largest() for one in shape[3])
-    return (across + turned + rest + 2 * ends * steepest) * (1 + 1e-12), slide
+    return (near + rest + 2 * ends * steepest) * (1 + 1e-12), slide
 
 
 def _sum(pair: Iterable[Spanned]) -> Spanned:

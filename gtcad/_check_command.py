@@ -27,14 +27,20 @@ AgainstOption = Annotated[
     str, typer.Option("--against", metavar="OTHER", help="The model that the files were made from, or another file.")
 ]
 CheckToleranceOption = Annotated[
-    str, typer.Option("--tolerance", metavar="LENGTH", help="With --against: in mm, or with a unit: 1e-4, 1e-5in.")
+    str,
+    typer.Option(
+        "--tolerance",
+        metavar="LENGTH",
+        help="The largest distance, with --against: in mm, or with a unit: 1e-4, 1e-5in.",
+    ),
 ]
 ProfileOption = Annotated[
     str,
     typer.Option("--profile", metavar="NAME", help="Readiness for CAM by the limits of cam, vda-4955 or sasig."),
 ]
 LimitOption = Annotated[
-    list[str] | None, typer.Option("--limit", metavar="NAME=VALUE", help="Another limit: tiny-edge=0.01mm, degree=off.")
+    list[str] | None,
+    typer.Option("--limit", metavar="NAME=VALUE", help="Another limit, in mm, deg or %: tiny-edge=0.01mm, degree=off."),
 ]
 ProofOption = Annotated[bool, typer.Option("--require-proof", help="Do not accept estimates (exit code 5).")]
 ReportOption = Annotated[str, typer.Option("--report", metavar="OUT", help="Also write a .html, .pdf or .png report.")]
@@ -54,8 +60,12 @@ CertificateOption = Annotated[
 WriteCertificateOption = Annotated[
     str, typer.Option("--write-certificate", metavar="JSON", help="Write what was proved of FILE against its model.")
 ]
-TimeoutOption = Annotated[str, typer.Option("--timeout", metavar="TIME", help="For each file: 600s, 10min, off.")]
-MemoryOption = Annotated[str, typer.Option("--memory", metavar="SIZE", help="For each file: 8GB, off.")]
+TimeoutOption = Annotated[
+    str, typer.Option("--timeout", metavar="TIME", help="For each file, in seconds or with a unit: 10min, 2h, off.")
+]
+MemoryOption = Annotated[
+    str, typer.Option("--memory", metavar="SIZE", help="For each file, in bytes or with a unit, from 1GB: 8GB, off.")
+]
 InProcessOption = Annotated[
     bool, typer.Option("--in-process", help="Start no process for the kernel: its crash is then a crash of gtcad.")
 ]

@@ -33,7 +33,8 @@ SchemaOption = Annotated[
     str, typer.Option("--schema", metavar="NAME", help="Of STEP files: AP242 when left out, AP214 or AP203.")
 ]
 TimestampOption = Annotated[
-    str, typer.Option("--timestamp", metavar="TIME", help="The time to write instead of now, for equal bytes.")
+    str,
+    typer.Option("--timestamp", metavar="TIME", help="The time to write instead of now, such as 2024-02-29T12:00Z."),
 ]
 CertificateOption = Annotated[
     str, typer.Option("--certificate", metavar="JSON", help="Also check OUT and write what was proved of it.")

@@ -88,7 +88,7 @@ def test_parts_of_a_patch_lie_as_in_its_own_pattern(order: list[int]) -> None:
     assert strip.patterns[0].point(u, v).shape == (2, 2, 2)
 
 
-@settings(max_examples=12)
+@settings(max_examples=6)
 @given(st.lists(st.tuples(st.booleans(), st.booleans()), min_size=3, max_size=3))
 def test_it_does_not_matter_which_way_the_parameters_run(turns: list[tuple[bool, bool]]) -> None:
     patch = cone(SWING, [10, 20, 300], (0.0, 0.6))

@@ -288,6 +288,8 @@ def test_a_wrong_list_is_refused(tmp_path: Path, content: str, message: str) -> 
     (tmp_path / "list.json").write_text(content)
     with pytest.raises(ModelError, match=message):
         read_manifest(tmp_path / "list.json")
+    with pytest.raises(FileError, match=r"none\.json: no such file"):
+        read_manifest(tmp_path / "none.json")
 
 
 # --- on a cluster --------------------------------------------------------------------------------------------------
@@ -308,13 +310,15 @@ def cluster(workers: int) -> Iterator[Any]:
 
 
 @pytest.mark.usefixtures("quick")
-def test_a_cluster_survives_the_death_of_a_worker(tmp_path: Path, files: list[str]) -> None:
-    many = []
-    for k in range(12):
-        many.append(str(tmp_path / f"copy-{k}.step"))
-        Path(many[-1]).write_bytes(Path(files[k % 3]).read_bytes())
+def test_a_cluster_survives_the_death_of_a_worker(
+    tmp_path: Path, files: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    many = [f"copy-{k}.step" for k in range(12)]
+    for k, name in enumerate(many):
+        (tmp_path / name).write_bytes(Path(files[k % 3]).read_bytes())
     log = tmp_path / "log.jsonl"
     with cluster(2) as found:
+        monkeypatch.chdir(tmp_path)  # the workers were started in another folder
         victim = next(iter(found.workers.values())).pid
         entries = []
         for entry in check_many(jobs_of(many), scheduler=found.scheduler_address, log=log):
@@ -323,6 +327,10 @@ def test_a_cluster_survives_the_death_of_a_worker(tmp_path: Path, files: list[st
                 os.kill(victim, signal.SIGKILL)
     assert Counter(entry.job.file for entry in entries) == Counter(many)
     assert codes(entries) == {f"copy-{k}.step": (0, 0, 3)[k % 3] for k in range(12)}
+    messages = {entry.data["file"]: entry.data["message"] for entry in entries}
+    assert messages == {
+        f"copy-{k}.step": ("quick", "quick", f"copy-{k}.step: its end is missing")[k % 3] for k in range(12)
+    }
     assert len(log.read_text().splitlines()) == 12
 
 

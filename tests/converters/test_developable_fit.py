@@ -15,7 +15,7 @@ from gtcad.converters.occt.topology import make_face
 from gtcad.errors import InputError, ToleranceBelowPrecision, ToleranceNotMet
 from gtcad.patches import Rotation, Ruled, cylinder, developability, geodesic_developable, spine_developable
 from tests.patches import developables as exact
-from tests.patches.developables import random_family, regular_patches
+from tests.patches.developables import HIGH, LOW, random_family, regular_patches
 from tests.patches.kinds import OTHER, QUARTER, WAVE, line
 
 PATCHES = regular_patches(4)
@@ -158,7 +158,7 @@ def test_the_general_fit_takes_developables_as_well(patch):
     assert general.spline.degree_v == 1
     assert general.deviation[1] <= 1e-4
     assert sampled_deviation(general.spline, patch) <= general.deviation[1]
-    assert len(own.spline.control_points) <= len(general.spline.control_points)
+    assert len(general.spline.control_points) <= len(own.spline.control_points)  # v takes nothing of the tolerance
 
 
 @pytest.mark.parametrize(
@@ -199,7 +199,8 @@ def poles_too_many(patch):
 
 
 def test_random_regular_families():
-    excess = [poles_too_many(patch) for patch in regular_patches(8, 10_000)]
+    near_its_edge_of_regression = random_family(22_023).enveloping(LOW, HIGH)
+    excess = [poles_too_many(patch) for patch in (near_its_edge_of_regression, *regular_patches(7, 10_000))]
     assert max(excess) <= 0
     assert np.mean(excess) < -0.25
 

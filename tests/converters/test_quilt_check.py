@@ -146,6 +146,25 @@ def test_a_joint_of_lower_order_than_wanted_is_lost():
     assert [(joint.wanted, joint.kept) for joint in report.joints] == [("G3", False)]
 
 
+def rounded(spline, digits):
+    points = [float(f"{x:.{digits - 1}e}") for x in spline.control_points.ravel().tolist()]
+    return spline.with_control_points(np.reshape(points, spline.control_points.shape))
+
+
+def test_coordinates_of_ten_digits_lose_no_joint_but_those_of_eight_do():
+    """Far from the origin and nearly flat, where rounding shows most."""
+    left = Surface([[[x, y, 1e-4 * x * y] for y in (0, 10, 20)] for x in (0, 10, 20)])
+    rest = [[[60, y, 0.1] for y in (0, 12, 20)], [[70, y, 0.1] for y in (0, 9, 22)]]
+    patches = [left, join_patch(left, "u1", 4, order="C2", rest=rest)]
+    quilt = Quilt.recognised([patch.transformed(np.eye(3), [800, 300, 70]) for patch in patches], order="G2")
+    splines = fit_quilt(quilt, tolerance=TOLERANCE).splines
+    for digits, kept in ((17, True), (10, True), (8, False)):
+        parts = [Part(f"q.{name}", rounded(one, digits)) for name, one in zip(quilt.names, splines, strict=True)]
+        (joint,) = check(parts, q=quilt)[0].joints
+        within = joint.report.tangent_angle_deg <= 1e-6 and joint.report.curvature_jump <= 1e-6
+        assert (joint.kept, within) == (kept, digits == 17)
+
+
 def test_a_missing_face_is_missing():
     report, rows = check(read("box")[1:], "box")
     assert rows["box.a"].verdict == "missing"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -42,6 +43,21 @@ def findings(found: Readiness, criterion: str = "") -> list[Finding]:
 def one(found: Readiness, criterion: str) -> Finding:
     assert {finding.criterion for finding in findings(found)} >= {criterion}
     return findings(found, criterion)[0]
+
+
+def test_the_documented_limits_are_those_of_the_profiles() -> None:
+    """The table of docs/checking.md: limits with units, a letter for the source, and the codes."""
+    text = (Path(__file__).parents[2] / "docs" / "checking.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| ([a-z-]+) \| (.*) \| (.*) \| (.*) \| ([A-Za-z-]*-[A-Za-z-]+) \|$", text, re.MULTILINE)
+    sources = {"PTC Creo": ", a", "manufacturing (": ", b", "design (": ", c", "gtcad's own": ""}
+    for name, *cells, code in rows:
+        for profile, cell in zip(("cam", "vda-4955", "sasig"), cells, strict=True):
+            limit = PROFILES[profile][name]
+            letter = next((found for part, found in sources.items() if part in limit.source), "")
+            assert cell == f"{limit.value:g} {limit.unit}".strip() + letter, (profile, name)
+            assert limit.code == code
+    numbered = {name for name, limit in PROFILES["cam"].limits.items() if limit.sense != "none" or limit.unit}
+    assert {name for name, *_ in rows} == numbered
 
 
 # --- sound shapes ---------------------------------------------------------------------------------------------------

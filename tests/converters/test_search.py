@@ -277,6 +277,28 @@ def test_a_direction_that_is_a_polynomial_keeps_its_degree():
     assert surface_deviation(a, b, surface) <= 1.2e-5
 
 
+@pytest.mark.parametrize(
+    ("degree", "degrees", "exact"), [(1, (5,), True), (5, (5, 7), True), (6, (5, 7), False), (8, (7,), False)]
+)
+def test_splines_hold_polynomials_up_to_their_degree(degree, degrees, exact):
+    curve = Curve(np.random.default_rng(1).normal(size=(degree + 1, 3)), family=BERNSTEIN)
+    assert curve_side(curve, degrees).exact == exact
+    assert not curve_side(Curve(np.eye(4)[:, :3], (0.2, 0.1)), degrees).exact
+
+
+def test_a_direction_may_take_the_whole_goal_when_the_other_one_is_exact():
+    for seed in range(6):
+        points = np.random.default_rng(seed).normal(size=(7, 2, 3)) * 30
+        surface = Surface(points, (0.4, -0.3), family_v=BERNSTEIN)
+        alone, v = surface_sides(surface)
+        assert (alone.exact, v.exact) == (False, True)
+        a = fewest(alone, 1e-4, lambda one: one, adapt=True)
+        u, v = surface_sides(surface)
+        pair = fewest_pair(u, v, 1e-4, lambda a, b: (a, b), surface.coefficients, adapt=True)
+        assert pair[0].knots.poles <= a.knots.poles
+        assert surface_deviation(*pair, surface) <= 1e-4 * (1 + 1e-3)
+
+
 def test_none_when_no_pair_passes():
     surface = pieces.surfaces()["S33"]
     u, v = surface_sides(surface)
