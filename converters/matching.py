@@ -190,7 +190,9 @@ class _Search:
             homes = [(far, self.parts[p].name != self.targets[t].name, t) for (q, t), far in self.one.items() if q == p]
             if not homes:
                 continue
-            far, unlike, t = min((max(far, self.tolerance), unlike, t) for far, unlike, t in homes)
+            equal = sorted((max(far, self.tolerance), unlike, t) for far, unlike, t in homes)
+            equal = [home for home in equal if home[0] == equal[0][0]]  # shapes may share an edge that is there twice
+            far, unlike, t = next((home for home in equal if not self._is_double(p, home[2])), equal[0])
             known = unlike and self.parts[p].name in self.names and far > self.tolerance
             if far <= max(limits[t], self.tolerance) and not known and not self._is_double(p, t):
                 self.groups[t].append(p)

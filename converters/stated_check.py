@@ -16,7 +16,7 @@ from gtcad.converters.part import Part, Properties
 Quantity = Literal["area", "volume", "centre of gravity", "points"]
 UNITS: dict[Quantity, str] = {"area": "mm^2", "volume": "mm^3", "centre of gravity": "mm", "points": "mm"}
 
-_RELATIVE = 1e-6  # what the kernel's measures, and the digits of other writers, may be off
+_RELATIVE = 1e-5  # what the kernel's measures, and the digits of other writers, may be off
 _CENTRE = 2.0  # of the tolerance: what a centre may move when every point moves by the tolerance
 _BEND = 3.0  # of the tolerance by the root of the area: what an area may change
 
@@ -65,7 +65,7 @@ def check_statements(parts: Sequence[Part], tolerance: float) -> tuple[Statement
     tolerance
         In mm, above 0: how far the shapes may be from those that the statements were made for. Areas may differ by
         three times the tolerance and the root of the area for each root of a face, volumes by the tolerance and the
-        area, centres by twice the tolerance, points by the tolerance; and all by 1e-6 of their size.
+        area, centres by twice the tolerance, points by the tolerance; and all by 1e-5 of their size.
 
     Returns
     -------

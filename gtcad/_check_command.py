@@ -297,7 +297,10 @@ def _check_one(
             check_tables.print_report(outcome.report)
         if outcome.readiness is not None:
             check_tables.print_readiness(outcome.readiness)
-        check_tables.print_statements(outcome.statements)
+        if outcome.statements:
+            from gtcad.converters.report_words import statement
+
+            check_tables.print_statements(outcome.statements, statement)
     _warn(outcome)
     _write_report(report, [outcome])
     return outcome

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from gtcad._tables import NAME, interval, print_table, printable
@@ -60,13 +60,11 @@ def print_readiness(readiness: Readiness) -> None:
     print(f"{readiness.verdict} (profile {readiness.profile}{_levels([finding.level for finding in findings])})")
 
 
-def print_statements(statements: Sequence[Statement]) -> None:
-    """Print what a file states of its shapes and does not hold, and how much of it is kept."""
-    from gtcad.converters.report_words import statement
-
+def print_statements(statements: Sequence[Statement], words: Callable[[Statement], tuple[str, str, str]]) -> None:
+    """Print what a file states of its shapes and does not hold, in those words, and how much of it is kept."""
     broken = [item for item in statements if not item.kept]
     if broken:
-        rows = [[item.name, item.quantity, *statement(item)] for item in broken]
+        rows = [[item.name, item.quantity, *words(item)] for item in broken]
         print_table((NAME, "quantity", "stated", "found", "may differ by"), rows)
     if statements:
         count = len(statements) - len(broken)
