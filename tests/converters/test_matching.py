@@ -166,6 +166,17 @@ def test_a_face_that_is_there_twice_is_left_over():
     assert report.extra == ("again",)
 
 
+def test_an_edge_that_two_chains_share_is_held_by_both():
+    corners = [np.array(point, float) for point in ((0, 0, 0), (10, 0, 0), (10, 10, 0), (20, 0, 0))]
+    lines = [Curve([a, (a + b) / 2, b]) for a, b in ((corners[0], corners[1]), (corners[3], corners[1]), corners[1:3])]
+    chains = {"a": Composite([lines[0], lines[2]], ["C0"]), "b": Composite([lines[1], lines[2]], ["C0"])}
+    parts = [Part("", fit_curve(piece, tolerance=T).spline) for chain in chains.values() for piece in chain.pieces]
+    report = check_parts(parts, chains, T)
+    assert [row.verdict for row in report.rows] == ["proved"] * 4
+    assert sorted(row.face for row in report.rows) == [(0,), (1,), (2,), (3,)]
+    assert report.extra == ()
+
+
 def test_names_decide_between_equals_and_points_between_others():
     curve = pieces.curves()["D5s"]
     held = fit_curve(curve, tolerance=T / 2).spline
