@@ -25,6 +25,10 @@ from tests import reference
 from tests.patches.kinds import NAMES, SAMPLES, partial
 
 T = 1e-4
+DEVELOPABLES = {"PlaneFamily", "Developable", "developability"} | {  # with samples in test_developable.py
+    *("Enveloping", "SpineDevelopable", "GeodesicDevelopable", "QuasiDevelopable"),
+    *("spine_developable", "geodesic_developable", "quasi_developable"),
+}
 PLACES = [(0.0, 0.0), (0.37, 0.81), (1.0, 0.25), (0.6, 1.0)]
 
 every_kind = pytest.mark.parametrize("sample", SAMPLES, ids=NAMES)
@@ -206,5 +210,5 @@ def test_names_of_the_package():
     functions = {"cylinder", "cone", "coons_from_loop", "sweep_parts"}
     functions |= {"dirichlet_extremal", "fixed_contour", "minimal_patch", "minimal_table"}
     functions |= {"area_bounds", "least_area", "tb_coons_extremal"}
-    assert set(patches.__all__) == {kind.__name__ for kind in classes} | {"Sweep"} | functions
+    assert set(patches.__all__) == {kind.__name__ for kind in classes} | {"Sweep"} | functions | DEVELOPABLES
     assert set(patches.__all__) <= set(dir(patches))
