@@ -53,7 +53,7 @@ def run(model: Path, file: Path) -> Outcome:
     code, exported = gtcad("export", str(model), "-o", str(file), "--tolerance", TOLERANCE)
     checked: dict[str, Any] = {}
     if code == 0:
-        code, checked = gtcad("check", str(file), "--against", str(model), "--tolerance", TOLERANCE)
+        code, checked = gtcad("check", str(file), "--against", str(model), "--tolerance", TOLERANCE, "--in-process")
     seconds = time.perf_counter() - start
     return Outcome(exported.get("shapes", []), checked.get("shapes", []), checked.get("joints", []), code != 0, seconds)
 

@@ -372,7 +372,7 @@ def test_the_chains_are_proved_at_a_hundredth_of_the_tolerance(stem: str, tmp_pa
 
 
 def assert_proved(file: Path, model: Path, tolerance: float) -> None:
-    arguments = ["check", str(file), "--against", str(model), "--tolerance", str(tolerance)]
+    arguments = ["check", str(file), "--against", str(model), "--tolerance", str(tolerance), "--in-process"]
     arguments += [] if has_wall(gtcad.load_model(model)) else ["--require-proof"]  # offset faces are estimated
     with pytest.raises(SystemExit) as ended:
         cli.app(arguments, prog_name="gtcad")
