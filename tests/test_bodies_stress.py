@@ -26,7 +26,8 @@ from gtcad.continuity import Thresholds
 from gtcad.converters.check import check_parts
 from gtcad.converters.iges import read_iges, write_iges
 from gtcad.converters.jobs import fit_shapes, parts_of
-from gtcad.converters.occt.exchange import file_bytes, iges_items, step_items
+from gtcad.converters.occt.exchange import iges_items, step_items
+from gtcad.converters.occt.guards import file_bytes
 from gtcad.converters.occt.pieces import ShapeKey, subshapes
 from gtcad.converters.occt.shells import edge_uses
 from gtcad.converters.step import read_step, write_step
