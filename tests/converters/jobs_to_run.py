@@ -77,17 +77,20 @@ def array(size: int) -> Any:
 
 
 class Evil:
-    """Unpickled, it would run a command."""
+    """Unpickled, it would make a folder."""
+
+    def __init__(self, folder: str) -> None:
+        self.folder = folder
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return os.system, ("touch /tmp/gtcad-evil",)
+        return os.mkdir, (self.folder,)
 
 
-def evil() -> Any:
-    return Evil()
+def evil(folder: str) -> Any:
+    return Evil(folder)
 
 
-def stranger() -> Any:
+def stranger(_: str) -> Any:
     return Path("a")
 
 
