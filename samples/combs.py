@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,7 +14,7 @@ mpl.use("Agg")
 
 import matplotlib.pyplot as plt
 import numpy as np
-from PIL import Image
+from pages import draw_pictures
 
 import gtcad
 from gtcad.composite import Composite
@@ -92,22 +91,5 @@ PICTURES: dict[str, Callable[[Path], None]] = {
 }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description="Draw the pictures of docs/curves.md.")
-    parser.add_argument("--output", type=Path, required=True, help="the folder for the pictures")
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(PICTURES)}; all when left out")
-    given = parser.parse_args()
-    if strangers := sorted(set(given.names).difference(PICTURES)):
-        parser.error(f"no such picture: {', '.join(strangers)}")
-    given.output.mkdir(parents=True, exist_ok=True)
-    for name in given.names or PICTURES:
-        path = given.output / f"{name}.png"
-        PICTURES[name](path)
-        with Image.open(path) as picture:
-            small = picture.convert("RGB").quantize(COLORS)
-        small.save(path, optimize=True)
-        print(path)
-
-
 if __name__ == "__main__":
-    main()
+    draw_pictures("docs/curves.md", PICTURES, colors=COLORS)

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,7 +12,8 @@ import matplotlib as mpl
 
 mpl.use("Agg")
 
-from PIL import Image
+
+from pages import draw_pictures
 
 import gtcad
 from gtcad.patches import Plateau, minimal_patch
@@ -22,7 +22,6 @@ from gtcad.quilt import Quilt
 from gtcad.surface_pictures import draw_surface
 
 SAMPLES = Path(__file__).parent
-COLORS = 128
 
 
 def shape_of(sample: str) -> SeparableSurface | Quilt:
@@ -67,22 +66,5 @@ PICTURES: dict[str, Callable[[Path], None]] = {
 }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description="Draw the pictures of docs/minimal.md.")
-    parser.add_argument("--output", type=Path, required=True, help="the folder for the pictures")
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(PICTURES)}; all when left out")
-    given = parser.parse_args()
-    if strangers := sorted(set(given.names).difference(PICTURES)):
-        parser.error(f"no such picture: {', '.join(strangers)}")
-    given.output.mkdir(parents=True, exist_ok=True)
-    for name in given.names or PICTURES:
-        path = given.output / f"{name}.png"
-        PICTURES[name](path)
-        with Image.open(path) as picture:
-            small = picture.convert("RGB").quantize(COLORS)
-        small.save(path, optimize=True)
-        print(path)
-
-
 if __name__ == "__main__":
-    main()
+    draw_pictures("docs/minimal.md", PICTURES)

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -24,7 +23,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import SubFigure
 from mpl_toolkits.mplot3d import Axes3D
 from numpy.typing import NDArray
-from PIL import Image
+from pages import draw_pictures
 
 import gtcad
 from gtcad.differential import mean_curvature
@@ -37,7 +36,6 @@ from gtcad.protocol import SeparableSurface
 Array = NDArray[np.float64]
 
 SAMPLES = Path(__file__).parent
-COLORS = 128
 INK, BEFORE, AFTER = "#20242c", "#9aa3ad", "#1f4fb2"
 MAP = plt.get_cmap("RdBu_r")
 CELLS = 48
@@ -182,22 +180,5 @@ PICTURES: dict[str, Callable[[Path], None]] = {
 }
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description="Draw the pictures of docs/optimisation.md.")
-    parser.add_argument("--output", type=Path, required=True, help="the folder for the pictures")
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(PICTURES)}; all when left out")
-    given = parser.parse_args()
-    if strangers := sorted(set(given.names).difference(PICTURES)):
-        parser.error(f"no such picture: {', '.join(strangers)}")
-    given.output.mkdir(parents=True, exist_ok=True)
-    for name in given.names or PICTURES:
-        path = given.output / f"{name}.png"
-        PICTURES[name](path)
-        with Image.open(path) as picture:
-            small = picture.convert("RGB").quantize(COLORS)
-        small.save(path, optimize=True)
-        print(path)
-
-
 if __name__ == "__main__":
-    main()
+    draw_pictures("docs/optimisation.md", PICTURES)

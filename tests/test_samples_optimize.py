@@ -21,8 +21,10 @@ SCRIPT = Path(__file__).parents[1] / "samples" / "optimize.py"
 
 @pytest.fixture(scope="module")
 def sample() -> Any:
-    """The names of the script."""
-    return runpy.run_path(str(SCRIPT))
+    """The names of the script, which finds the module beside it as when it is run."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(SCRIPT.parent)
+        return runpy.run_path(str(SCRIPT))
 
 
 @pytest.mark.parametrize("name", ["chute", "hood"])
