@@ -19,6 +19,7 @@ from gtcad.converters.bspline import BSplineSurface
 from gtcad.converters.certificate import certify_surface, deciding
 from gtcad.converters.exact import IDENTITY, ParameterMap
 from gtcad.converters.fit import Fit, precision_floor
+from gtcad.converters.knot_search import adapted
 from gtcad.converters.search import Side, fewest
 from gtcad.converters.sliding import certify_slid, hodographs, on_spans, slid_poles
 from gtcad.converters.spline_basis import Knots
@@ -38,6 +39,7 @@ _SPANS_OF_A_FAILURE = 64
 _DRAGS = (1.0, 0.5, 2.5)  # tried in this order; with less drag parameters slide farther
 _FEW_POLES = 40  # more take long to slide
 _NEAR, _HALF, _NEARER = 0.97, 0.5, 0.85  # of the tolerance: what knots, and poles, are searched for
+_POINT = 1e-13  # of the size: poles that differ by no more are one
 _FAR = 1.5  # times the tolerance: another drag does not help
 
 
@@ -54,7 +56,7 @@ class DevelopableFit(Fit[BSplineSurface, Maps]):
         The tolerance that the face was fitted with: the one asked for, or a finer one that the twist needed.
     slide
         Bound of how far apart, in u, the parameters are that ``deviation`` holds against each other (see
-        ``gtcad.converters.sliding``); 0 for equal ones. v is the same.
+        ``gtcad.converters.sliding``); 0 for equal ones. Between the boundaries v may differ as well.
     """
 
     twist_deg: tuple[float, float]
@@ -91,9 +93,9 @@ def fit_developable(
     max_spans
         Largest number of knot spans.
     sliding
-        Whether parameters u may be held against slightly different ones where that saves poles: point sets and
-        boundaries are within the tolerance all the same. Up to 40 poles, without ``max_twist_deg``. False for
-        a face that shares knots with others.
+        Whether parameters may be held against slightly different ones where that saves poles: point sets and
+        boundaries are within the tolerance all the same. For developables of up to 40 poles a row, without
+        ``max_twist_deg``. False for a face that shares knots with others.
 
     Raises
     ------
@@ -192,7 +194,7 @@ def _with_fewer(side: Side, found: _Found, tolerance: float, definition_error: f
     if not side.least < count <= _FEW_POLES:
         return None
     for goal in (_NEAR, _HALF):  # from knots of the one search and of the other
-        one = side.adapted(count - 1, goal * tolerance)
+        one = _start(side, count - 1, goal * tolerance)
         if one is None or one.knots.poles >= count:
             continue
         start = _poles(one, side.bundle)
@@ -206,8 +208,19 @@ def _with_fewer(side: Side, found: _Found, tolerance: float, definition_error: f
     return None
 
 
+def _start(side: Side, poles: int, goal: float) -> Approximation | None:
+    """An approximation at equal parameters: its knots are moved however far off the goal they begin."""
+    (degree,) = side.degrees
+    if side.continuity in (None, degree - 1):
+        return adapted(side.bundle, degree, min(poles - degree, side.max_spans), goal=goal)
+    return side.kind(poles)
+
+
 def _poles(one: Approximation, bundle: Bundle) -> Array:
-    return np.asarray(np.einsum("pi,ikd->pkd", one.matrix, bundle.vectors))
+    """Poles of both boundaries; all the same for one that is a point but for rounding, the apex of a cone."""
+    poles = np.einsum("pi,ikd->pkd", one.matrix, bundle.vectors)
+    spread = np.abs(poles - poles[:1]).max(axis=(0, 2))
+    return np.asarray(np.where((spread <= _POINT * np.abs(poles).max())[:, None], poles[:1], poles))
 
 
 def _face(knots: Knots, poles: Array) -> BSplineSurface:

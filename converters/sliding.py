@@ -1,20 +1,33 @@
-"""Ruled splines whose parameter may run a little ahead of the patch's or behind, and what is proved of them.
+"""Ruled splines whose parameters may run a little ahead of a developable's or behind, and what is proved of them.
 
-The points of a patch S that is linear in v can be held against those of a spline T at parameters that differ by a small
-slide along u, one for each ruling: with the difference e = T - S of both boundaries, those a' and b' of the patch, and
+A developable has one tangent plane along each ruling, so that both ends of the ruling may move in it, each by its own
+slide along its boundary, and the ruling between them stays on the surface, but for what is small of second order. With
+e = T - S on the boundaries a and b of the patch S that the spline T stands for, the slides are
 
-    slide = (e_a.a' + e_b.b') / (|a'|^2 + |b'|^2),
+    s_a = e_a.a' / |a'|^2,    s_b = e_b.b' / |b'|^2,
 
-``|T(u, v) - S(u + slide, v)|`` is at most ``|e - slide S_u - slide^2 S_uu / 2| + |slide|^3 max |S_uuu| / 6``.
-That bounds the distance of the two point sets, either way, and of their boundaries. What slides costs nothing, so that
-a spline with the same number of poles comes nearer.
+and each boundary misses the other by at most ``|e - s a' - s^2 a'' / 2| + |s|^3 max |a'''| / 6``. Between them, with
+R = b - a and ``b' = beta a' + rho R + eta``, eta across the tangent plane, ``T(u, v)`` is held against
+``S(u + s, v + w)``, where
+
+    s = ((1 - v) s_a + v beta s_b) / (1 - v + v beta),    w = v rho (s_b - s).
+
+What is linear in the slides cancels but for ``v (s_b - s) eta``. With m = max(|s_a|, |s_b|), and g the geometric mean
+of 1 and beta over the arithmetic one, which come from the largest values in v, what is left is at most
+
+    |s_a - s_b| / (1 + g) (m max(|a''|, |b''|) + (m |rho| |R'| + |eta|) / (1 + beta)).
+
+The map from (u, v) is continuous and takes each side of the square to itself, hence the square onto itself: so the
+bound holds for the point sets, either way, and on the boundaries for these alone. What slides costs nothing, and a
+spline with the same number of poles comes nearer.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg
@@ -31,6 +44,7 @@ SPANNED_NODES = 32  # values on a part of a knot span
 _PARTS = (4, 16, 64)  # of each knot span, for a proof
 _STEPS = 30  # of Lawson's iteration
 _LEAST_DRAG, _SHARE = 0.004, 0.05  # of the weight across; of the tolerance, that the square of the slide may take
+_STILL = 1e-10  # of the speed of the other boundary: an apex, which slides with it
 _WHOLE = 0.5  # the slide may change by so much of u at most, so that it turns back nowhere
 
 
@@ -52,7 +66,7 @@ class Slid:
 
 
 def slid_poles(bundle: Bundle, knots: Knots, poles: Array, goal: float, drag: float = 1.0) -> Array:
-    """Poles of both boundaries that come nearer when the parameter may slide, from those at equal parameters.
+    """Poles of both boundaries that come nearer when parameters may slide, from those at equal parameters.
 
     Parameters
     ----------
@@ -68,35 +82,47 @@ def slid_poles(bundle: Bundle, knots: Knots, poles: Array, goal: float, drag: fl
         The more of it, the less parameters slide.
     """
     z = nodes(max(12, -(-4 * knots.poles // knots.spans)))
-    local = local_values(knots, z)
     t = knots.places(z).reshape(-1)
-    design = dense(local, knots.first[:, None] + np.arange(knots.degree + 1), knots.poles)
-    points, slopes, bends = (_boundaries(bundle, t, order) for order in (0, 1, 2))
-    size = np.linalg.norm(slopes, axis=1)
-    reach = float((size**2 / np.maximum(np.linalg.norm(bends, axis=1), 1e-300)).min())
-    drag = min(1.0, drag * max(_LEAST_DRAG, math.sqrt(goal / (2 * _SHARE * reach))))
-    along = slopes / size[:, None]
-    across = np.eye(6) - (1 - drag**2) * along[:, :, None] * along[:, None, :]
-    inner, start = design[:, 1:-1], poles.reshape(-1, 6)
-    rest = points - design @ start
-    weights, best, least = np.ones(t.size), start, math.inf
-    for _ in range(_STEPS):
-        change = _solved(inner, across, rest, weights)
-        left = rest - inner @ change
-        free = left - np.einsum("td,td->t", left, along)[:, None] * along
-        errors = np.linalg.norm(free.reshape(-1, 2, 3), axis=2).max(axis=1)
-        if errors.max() < least:
-            best, least = start + np.pad(change, ((1, 1), (0, 0))), float(errors.max())
-        if least <= goal:
-            break
-        weights = normalised(weights * (errors / errors.max() + 1e-3))
-    return best.reshape(-1, 2, 3)
+    columns = knots.first[:, None] + np.arange(knots.degree + 1)
+    design = dense(local_values(knots, z), columns, knots.poles)
+    shape = [_boundaries(bundle, t, order) for order in (0, 1, 2)]
+    nearer = poles.copy()
+    for side in np.flatnonzero(~_still(shape[1])):
+        nearer[:, side] = _nearer(design, [one[:, side] for one in shape], poles[:, side], goal, drag)
+    return nearer
 
 
 def _boundaries(bundle: Bundle, t: Array, order: int) -> Array:
-    """Derivatives of both side by side, shape (t.size, 6)."""
-    values = np.einsum("ft,fkd->tkd", bundle.factors.rows(t, order), bundle.vectors)
-    return np.asarray(values).reshape(t.size, -1)
+    """Derivatives of both, shape (t.size, 2, 3)."""
+    return np.asarray(np.einsum("ft,fkd->tkd", bundle.factors.rows(t, order), bundle.vectors))
+
+
+def _still(slopes: Array) -> NDArray[np.bool_]:
+    """Which of both boundaries is one point but for rounding, from derivatives of shape (t.size, 2, 3)."""
+    speeds = np.linalg.norm(slopes, axis=2).max(axis=0)
+    return np.asarray(speeds <= _STILL * speeds.max())
+
+
+def _nearer(design: Array, shape: Sequence[Array], poles: Array, goal: float, drag: float) -> Array:
+    """Poles of one boundary, by Lawson's iteration for what is left across it."""
+    points, slopes, bends = shape
+    size = np.maximum(np.linalg.norm(slopes, axis=1), 1e-300)
+    reach = float((size**2 / np.maximum(np.linalg.norm(bends, axis=1), 1e-300)).min())
+    drag = min(1.0, drag * max(_LEAST_DRAG, math.sqrt(goal / (2 * _SHARE * reach))))
+    along = slopes / size[:, None]
+    across = np.eye(3) - (1 - drag**2) * along[:, :, None] * along[:, None, :]
+    inner, rest = design[:, 1:-1], points - design @ poles
+    weights, best, least = np.ones(len(rest)), poles, math.inf
+    for _ in range(_STEPS):
+        change = _solved(inner, across, rest, weights)
+        left = rest - inner @ change
+        errors = np.linalg.norm(left - np.einsum("td,td->t", left, along)[:, None] * along, axis=1)
+        if errors.max() < least:
+            best, least = poles + np.pad(change, ((1, 1), (0, 0))), float(errors.max())
+        if least <= goal:
+            break
+        weights = normalised(weights * (errors / errors.max() + 1e-3))
+    return best
 
 
 def _solved(inner: Array, across: Array, rest: Array, weights: Array) -> Array:
@@ -104,13 +130,13 @@ def _solved(inner: Array, across: Array, rest: Array, weights: Array) -> Array:
     count = inner.shape[1]
     blocks = np.einsum("tk,tl,tcd->kcld", inner * weights[:, None], inner, across, optimize=True)
     right = np.einsum("tk,tcd,td->kc", inner * weights[:, None], across, rest, optimize=True)
-    matrix = blocks.reshape(6 * count, 6 * count)
-    matrix[np.diag_indices(6 * count)] *= 1 + 1e-13
-    return np.asarray(scipy.linalg.solve(matrix, right.reshape(-1), assume_a="pos")).reshape(count, 6)
+    matrix = blocks.reshape(3 * count, 3 * count)
+    matrix[np.diag_indices(3 * count)] *= 1 + 1e-13
+    return np.asarray(scipy.linalg.solve(matrix, right.reshape(-1), assume_a="pos")).reshape(count, 3)
 
 
 def certify_slid(bundle: Bundle, knots: Knots, poles: Array, tolerance: float, definition_error: float) -> Slid:
-    """Prove how far a ruled spline with poles of shape (poles, 2, 3) is from the patch between two boundaries.
+    """Prove how far a ruled spline with poles of shape (poles, 2, 3) is from the developable between two boundaries.
 
     No upper bound is sought when a sample is farther off than the tolerance.
     """
@@ -127,62 +153,134 @@ def certify_slid(bundle: Bundle, knots: Knots, poles: Array, tolerance: float, d
     return Slid(min(attained, best.upper), best.upper + definition_error, best.slide)
 
 
+@dataclass(frozen=True)
+class _Boundary:
+    """A boundary of the patch with its derivatives, and what a row of the spline misses it by."""
+
+    shape: Sequence[Spanned]
+    miss: Spanned
+    steeper: Spanned  # the derivative of what is missed
+    still: bool  # an apex: it slides with the other boundary
+
+    @cached_property
+    def along(self) -> Spanned:
+        return self.miss.dot(self.shape[1])
+
+    @cached_property
+    def square(self) -> Spanned:
+        return self.shape[1].dot(self.shape[1])
+
+    @cached_property
+    def least(self) -> Array:
+        return self.square.least()
+
+    @cached_property
+    def slide(self) -> Array:
+        """Bounds on each span; infinite where there are none, or where it might turn back."""
+        if self.still:
+            return np.zeros(len(self.miss.values))
+        if not self.least.all():
+            return np.full(len(self.least), math.inf)
+        _, slope, bend, _ = self.shape
+        # the derivative of the slide = along / square, by the rule for quotients
+        turn = self.steeper.dot(slope) + self.miss.dot(bend)
+        growth = slope.dot(bend) + slope.dot(bend)
+        steep = (turn.times(self.square) - self.along.times(growth)).most() / self.least**2
+        return np.where(steep <= _WHOLE, self.along.most() / self.least, math.inf)
+
+    def distance(self, slide: Array) -> Array:
+        """Bounds on each span, where slides are finite, from those of either boundary."""
+        if self.still:
+            return np.asarray(self.miss.most() + slide * self.shape[1].largest())
+        # what is missed less the first two orders of the slide, times the square of ``square``
+        across = self.miss.times(self.square.times(self.square)) - self.shape[1].times(self.along.times(self.square))
+        near = (across + across - self.shape[2].times(self.along.times(self.along))).most() / (2 * self.least**2)
+        return np.asarray(near + self.slide**3 / 6 * self.shape[3].largest())
+
+
 def _bounds(bundle: Bundle, knots: Knots, poles: Array, parts: int) -> tuple[float, float]:
     """Of the distance and of the slide, both infinite where there are none."""
     fine = knots.subdivided(parts)
     hodograph, slopes_of = hodographs(knots, np.moveaxis(poles, 1, 0))
     coarse = hodograph.subdivided(parts)
-    shape = [[_shape(bundle, fine, order, side) for side in (0, 1)] for order in range(4)]
-    misses = [on_spans(fine, poles[:, side], 1) - shape[0][side] for side in (0, 1)]
-    steeper = [on_spans(coarse, slopes_of[side], 4) - shape[1][side] for side in (0, 1)]
-    along = _sum(miss.dot(slope) for miss, slope in zip(misses, shape[1], strict=True))
-    square = _sum(slope.dot(slope) for slope in shape[1])
-    least = square.least()
-    if not least.all():
+    both, still = [], _still(_boundaries(bundle, fine.places(nodes(2)).reshape(-1), 1))
+    for side in (0, 1):
+        shape = [_shape(bundle, fine, order, side) for order in range(4)]
+        miss, slope = on_spans(fine, poles[:, side], 1) - shape[0], on_spans(coarse, slopes_of[side], 4)
+        both.append(_Boundary(shape, miss, slope - shape[1], bool(still[side])))
+    a, b = both
+    slides = np.maximum(a.slide, b.slide)
+    if not slides.max() < math.inf:
         return math.inf, math.inf
-    slide = along.largest(least)
-    # the derivative of the slide = along / square, by the rule for quotients
-    each = list(zip(misses, steeper, *shape[1:3], strict=True))
-    turn = _sum(more.dot(slope) + miss.dot(bend) for miss, more, slope, bend in each)
-    growth = _sum(slope.dot(bend) + slope.dot(bend) for _, _, slope, bend in each)
-    if not (turn.times(square) - along.times(growth)).largest(least**2) <= _WHOLE:
-        return math.inf, math.inf
+    distance = np.maximum(a.distance(slides), b.distance(slides)) + _between(a, b)
     # at the ends the slide is 0 but for rounding: where it leaves [0, 1], it is cut off
-    ends = float(max(np.abs(_slides(bundle, knots, poles, np.array([0.0, 1.0])))))
-    steepest = max(one.largest() for one in shape[1])
-    # T(u) - S(u + slide) but for the third order, times the square of ``square``
-    linear, whole, curving = along.times(square), square.times(square), along.times(along)
-    across = [miss.times(whole) - slope.times(linear) for miss, _, slope, _ in each]
-    bends = [bend.times(curving) for _, _, _, bend in each]
-    near = max((one + one - bend).largest(2 * least**2) for one, bend in zip(across, bends, strict=True))
-    rest = slide**3 / 6 * max(one.largest() for one in shape[3])
-    return (near + rest + 2 * ends * steepest) * (1 + 1e-12), slide
+    ends = float(np.abs(_slides(bundle, knots, poles, np.array([0.0, 1.0]))).max())
+    steepest = max(one.shape[1].largest() for one in both)
+    return (float(distance.max()) + 2 * ends * steepest) * (1 + 1e-12), float(slides.max())
 
 
-def _sum(pair: Iterable[Spanned]) -> Spanned:
-    first, second = pair
-    return first + second
+def _between(a: _Boundary, b: _Boundary) -> Array:
+    """Bounds of how far rulings whose ends slide differently leave the surface, infinite where there are none."""
+    none = np.full(len(a.least), math.inf)
+    if a.still or b.still:
+        return np.zeros(len(a.least))
+    ruling, turn = b.shape[0] - a.shape[0], b.shape[1] - a.shape[1]
+    normal = a.shape[1].cross(ruling)
+    square, same = normal.dot(normal), b.shape[1].cross(ruling).dot(normal)
+    low, least = square.least(), same.least()
+    if not (low.all() and least.all()):
+        return none
+    leaning = a.shape[1].cross(b.shape[1]).dot(normal).most()
+    rho, eta = leaning / low, b.shape[1].dot(normal).most() / np.sqrt(low)
+    slide = np.maximum(a.slide, b.slide)
+    apart = (a.along.times(b.square) - b.along.times(a.square)).most() / (a.least * b.least)
+    if (np.maximum(rho, leaning / least) * apart).max() > 1:  # v + w might leave [0, 1]
+        return none
+    beta = least / square.most(), same.most() / low
+    mean = np.minimum(*(2 * np.sqrt(one) / (1 + one) for one in beta))  # geometric over arithmetic
+    third = max(one.shape[3].largest() for one in (a, b))
+    bent = np.maximum(a.shape[2].most(), b.shape[2].most()) + slide * third  # also a little beyond the span
+    turning = turn.most() + 2 * slide * bent
+    return np.asarray(apart / (1 + mean) * (slide * bent + (rho * slide * turning + eta) / (1 + beta[0])))
 
 
 def _spline(knots: Knots, poles: Array, t: Array) -> Array:
     from scipy.interpolate import BSpline
 
-    return np.asarray(BSpline(knots.flat, poles.reshape(len(poles), -1), knots.degree)(t))
+    return np.asarray(BSpline(knots.flat, poles, knots.degree)(t))
 
 
 def _slides(bundle: Bundle, knots: Knots, poles: Array, t: Array) -> Array:
+    """Of both boundaries, shape (t.size, 2); where one is a point, it slides with the other one."""
     slopes = _boundaries(bundle, t, 1)
     miss = _spline(knots, poles, t) - _boundaries(bundle, t, 0)
-    return np.asarray(np.einsum("td,td->t", miss, slopes) / np.einsum("td,td->t", slopes, slopes))
+    square = np.einsum("tkd,tkd->tk", slopes, slopes)
+    slides = np.einsum("tkd,tkd->tk", miss, slopes) / np.where(square > 0, square, 1)
+    return np.asarray(np.where(_still(slopes), slides[:, ::-1], slides))
 
 
 def _attained(bundle: Bundle, knots: Knots, poles: Array) -> float:
-    """The largest distance that is seen on samples, at parameters that correspond."""
+    """The largest distance that is seen on both boundaries and amid them, at parameters that correspond."""
     t = knots.places(nodes(12)).reshape(-1)
-    moved = np.clip(t + _slides(bundle, knots, poles, t), 0, 1)
-    gaps = (_spline(knots, poles, t) - _boundaries(bundle, moved, 0)).reshape(-1, 2, 3)
+    slides, found = _slides(bundle, knots, poles, t), _spline(knots, poles, t)
+    gaps = [_points(bundle, t + slides[:, side])[:, side] - found[:, side] for side in (0, 1)]
+    points, slopes = _points(bundle, t), _boundaries(bundle, t, 1)
+    ruling = points[:, 1] - points[:, 0]
+    normal = np.cross(slopes[:, 0], ruling)
+    same = np.einsum("td,td->t", np.cross(slopes[:, 1], ruling), normal)
+    leaning = np.einsum("td,td->t", np.cross(slopes[:, 0], slopes[:, 1]), normal)
+    square = np.einsum("td,td->t", normal, normal)
+    whole = square + same
+    moved = np.einsum("tk,tk->t", np.stack([square, same], axis=1), slides) / np.where(whole > 0, whole, 1)
+    shift = leaning / np.where(square > 0, square, 1) * (slides[:, 1] - moved) / 2
+    share = np.clip(np.stack([0.5 - shift, 0.5 + shift], axis=1), 0, 1)
+    gaps.append(np.einsum("tk,tkd->td", share, _points(bundle, t + moved)) - found.mean(axis=1))
     size = float(np.abs(poles).max())
     return max(0.0, float(np.linalg.norm(gaps, axis=2).max()) - 1e3 * UNIT_ROUNDOFF * size)
+
+
+def _points(bundle: Bundle, t: Array) -> Array:
+    return _boundaries(bundle, np.clip(t, 0, 1), 0)
 
 
 def _shape(bundle: Bundle, knots: Knots, order: int, side: int) -> Spanned:

@@ -290,6 +290,11 @@ class Spanned:
         spread = np.abs(series[:, 1:]).sum(axis=1)
         return np.asarray(np.maximum(series[:, 0] - spread * _NODE_ROUNDING - self.slack, 0.0))
 
+    def most(self) -> Array:
+        """Upper bounds of the norm on each span, shape (spans,): nearly reached where a span is short."""
+        sizes = np.linalg.norm(transform(_NODES) @ self.values, axis=2)
+        return np.asarray(sizes.sum(axis=1) * _NODE_ROUNDING + self.slack)
+
     def largest(self, divisor: Array | float = 1.0) -> float:
         """Upper bound of the norm over the divisor, which may be another one on each span, shape (spans,)."""
         scale = np.broadcast_to(divisor, len(self.values))

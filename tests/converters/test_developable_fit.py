@@ -13,7 +13,7 @@ from gtcad.converters.developable_fit import fit_developable, spline_twist_deg
 from gtcad.converters.occt.pieces import is_valid
 from gtcad.converters.occt.topology import make_face
 from gtcad.errors import InputError, ToleranceBelowPrecision, ToleranceNotMet
-from gtcad.patches import Rotation, Ruled, cylinder, developability, geodesic_developable, spine_developable
+from gtcad.patches import Rotation, Ruled, cone, cylinder, developability, geodesic_developable, spine_developable
 from tests.patches import developables as exact
 from tests.patches.developables import HIGH, LOW, random_family, regular_patches
 from tests.patches.kinds import OTHER, QUARTER, WAVE, line
@@ -30,17 +30,36 @@ def sampled_deviation(spline, patch):
     return max(gaps)
 
 
-def sliding_deviation(spline, patch, t=T[::8]):
-    """The same at parameters that slide, one slide for each ruling, and the largest slide: by Gauss-Newton steps."""
-    found = np.stack([spline.evaluate(t, v) for v in (0.0, 1.0)])
-    slide = np.zeros(t.size)
+def distances(points, u, v, boundaries):
+    """Of points from a ruled surface, for v = 0 and 1 from its boundary; their places u, by Newton's steps from (u, v)."""
+    inner, v = 0 < v < 1, np.full(u.size, v)
     for _ in range(6):
-        moved = np.clip(t + slide, 0, 1)
-        miss = found - np.stack(patch.exact_boundaries(moved))
-        slopes = np.stack(patch.exact_boundaries(moved, 1))
-        slide += np.einsum("vtd,vtd->t", miss, slopes) / np.einsum("vtd,vtd->t", slopes, slopes)
-    gaps = found - np.stack(patch.exact_boundaries(np.clip(t + slide, 0, 1)))
-    return np.linalg.norm(gaps, axis=-1).max(), abs(slide).max()
+        a, b = boundaries(u, 0)
+        slope_a, slope_b = boundaries(u, 1)
+        miss = points - a - v[:, None] * (b - a)
+        tangents = np.stack([slope_a + v[:, None] * (slope_b - slope_a), b - a][: 1 + inner], axis=2)
+        steps = (np.linalg.pinv(tangents) @ miss[..., None])[..., 0]
+        u = np.clip(u + steps[:, 0], 0, 1)
+        if inner:
+            v = np.clip(v + steps[:, 1], 0, 1)
+    a, b = boundaries(u, 0)
+    return np.linalg.norm(points - a - v[:, None] * (b - a), axis=-1), u
+
+
+def sliding_deviation(spline, patch, t=T[::8]):
+    """The largest distance of points of either surface from the other one, and how far they slide on the boundaries."""
+
+    def of_spline(u, order):
+        return [spline.derivative(u, v, (order, 0)) for v in (0.0, 1.0)]
+
+    gaps, slides = [], []
+    for one, other in ((of_spline, patch.exact_boundaries), (patch.exact_boundaries, of_spline)):
+        a, b = one(t, 0)
+        for v in (0, 0.1, 0.3, 0.5, 0.7, 0.9, 1):
+            gap, u = distances(a + v * (b - a), t, v, other)
+            gaps.append(gap.max())
+            slides.append(abs(u - t).max() if v in (0, 1) else 0)
+    return max(gaps), max(slides)
 
 
 def sampled_twist(spline):
@@ -79,7 +98,7 @@ def test_parameters_that_slide_save_poles():
         found, slide = sliding_deviation(fit.spline, patch)
         assert found <= fit.deviation[1] <= tolerance
         assert fit.deviation[0] <= fit.deviation[1] <= 1.6 * found + patch.definition_error
-        assert slide <= fit.slide * 1.01 + 1e-12 or fit.slide == 0
+        assert slide <= fit.slide * 1.01 + 1e-9 or fit.slide == 0
         saved = len(equal.spline.control_points) - len(fit.spline.control_points)
         assert (saved > 0) == (fit.slide > 0)
         assert saved >= 0
@@ -87,6 +106,22 @@ def test_parameters_that_slide_save_poles():
         twist = sampled_twist(fit.spline)
         assert twist - 1e-9 <= fit.twist_deg[1] <= 1.5 * twist + 1e-9
     assert fewer
+
+
+def test_a_cone_with_its_apex():
+    patch = cone(QUARTER, [0, 0, 50])
+    fit, equal = (fit_developable(patch, tolerance=1e-5, sliding=sliding) for sliding in (True, False))
+    assert np.unique(fit.spline.control_points[:, 1], axis=0).tolist() == [[0, 0, 50]]
+    assert fit.twist_deg == equal.twist_deg == (0, 0)
+    assert len(fit.spline.control_points) < len(equal.spline.control_points)
+    points = fit.spline.evaluate(T[:, None], T[::40])
+    directrix = patch.evaluate(T, 0.0)
+    tangents = patch.derivative(T, 0.0, (1, 0))
+    normals = np.cross(tangents, [0, 0, 50] - directrix)
+    inside = np.einsum("td,tvd->tv", normals / np.linalg.norm(normals, axis=-1, keepdims=True), points - [0, 0, 50])
+    assert (
+        abs(inside).max() <= fit.deviation[1] + fit.slide**2 * 1e3
+    )  # tangent planes at the same u, not at the nearest
 
 
 def test_the_corners_are_those_of_the_exact_patch():
@@ -203,16 +238,15 @@ def test_random_regular_families():
     near_its_edge_of_regression = random_family(22_023).enveloping(LOW, HIGH)
     excess = [poles_too_many(patch) for patch in (near_its_edge_of_regression, *regular_patches(5, 10_000))]
     assert max(excess) <= 0
-    assert np.mean(excess) < -0.25
+    assert np.mean(excess) < -1
 
 
 @pytest.mark.stress
 @pytest.mark.parametrize("start", range(20_000, 30_000, 1000))
 def test_random_regular_families_stress(start):
     excess = [poles_too_many(patch) for patch in regular_patches(50, start)]
-    assert max(excess) <= 1
-    assert sum(one > 0 for one in excess) <= 2  # both boundaries have one set of knots, each alone has its own
-    assert np.mean(excess) < -0.25
+    assert max(excess) <= 0
+    assert np.mean(excess) < -0.9
 
 
 def test_the_random_families_differ():
