@@ -6,7 +6,7 @@ e = T - S on the boundaries a and b of the patch S that the spline T stands for,
 
     s_a = e_a.a' / |a'|^2,    s_b = e_b.b' / |b'|^2,
 
-and each boundary misses the other by at most ``|e - s a' - s^2 a'' / 2| + |s|^3 max |a'''| / 6``. Between them, with
+and there boundaries are apart by at most ``|e - s a'| + s^2 |a''| / 2 + |s|^3 max |a'''| / 6``. Between them, with
 R = b - a and ``b' = beta a' + rho R + eta``, eta across the tangent plane, ``T(u, v)`` is held against
 ``S(u + s, v + w)``, where
 
@@ -192,10 +192,10 @@ class _Boundary:
         """Bounds on each span, where slides are finite, from those of either boundary."""
         if self.still:
             return np.asarray(self.miss.most() + slide * self.shape[1].largest())
-        # what is missed less the first two orders of the slide, times the square of ``square``
-        across = self.miss.times(self.square.times(self.square)) - self.shape[1].times(self.along.times(self.square))
-        near = (across + across - self.shape[2].times(self.along.times(self.along))).most() / (2 * self.least**2)
-        return np.asarray(near + self.slide**3 / 6 * self.shape[3].largest())
+        _, slope, bend, twice_bent = self.shape
+        # what is missed less its part along the boundary: no longer than either
+        across = np.minimum(self.miss.cross(slope).most() / np.sqrt(self.least), self.miss.most())
+        return np.asarray(across + self.slide**2 / 2 * bend.most() + self.slide**3 / 6 * twice_bent.largest())
 
 
 def _bounds(bundle: Bundle, knots: Knots, poles: Array, parts: int) -> tuple[float, float]:
