@@ -44,7 +44,8 @@ def certify_quadric(surface: SeparableSurface, q: Quadric) -> Certificate:
     proved = certify_surface(SurfaceOfTerms.summed(terms), nothing)
     # the coefficients of the quadric are themselves computed, each with a few roundings
     rounding = 16 * UNIT_ROUNDOFF * float(np.linalg.norm(other.coefficients, axis=-1).sum())
-    return Certificate(max(0.0, proved.lower - rounding), proved.upper + rounding, proved.place)
+    off = rounding + surface.definition_error
+    return Certificate(max(0.0, proved.lower - off), proved.upper + off, proved.place)
 
 
 def _ways(surface: SeparableSurface, q: Quadric) -> Iterator[SurfaceOfTerms]:

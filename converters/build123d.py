@@ -218,7 +218,23 @@ def from_edge(
 ) -> Design[Any]:
     """The GT curve nearest to an edge, or a chain where one is not enough: ``curve`` and its proved ``deviation``.
 
-    Lines, circles, ellipses and their arcs come out exactly, unless a degree is given. See ``hosts.design_from_edge``.
+    Lines, circles, ellipses and their arcs come out exactly, unless a degree is given.
+
+    Parameters
+    ----------
+    edge
+        Any edge of build123d, in mm.
+    tolerance
+        Largest distance of the curve from the edge, in mm.
+    degree
+        Of the one curve, or of the chain's pieces; the least up to 8 for one curve, 5 for a chain unless given.
+    order
+        Of the chain's joints, "C0" to "C3" or "G1" to "G3".
+
+    Raises
+    ------
+    InputError, ToleranceNotMet
+        As ``hosts.design_from_edge``.
     """
     return design_from_edge(edge, tolerance=tolerance, degree=degree, order=order)
 
@@ -228,7 +244,21 @@ def from_face(
 ) -> FaceDesign:
     """The GT patch nearest to a face, or a quilt where one is not enough: ``surface`` and its proved ``deviation``.
 
-    See ``hosts.design_from_face``.
+    Parameters
+    ----------
+    face
+        Any face of build123d, in mm.
+    tolerance
+        Largest distance of the patch from the face, in mm.
+    max_degree
+        Of the patch in either direction.
+    untrimmed
+        Whether to take the whole surface of a trimmed face, which is refused else.
+
+    Raises
+    ------
+    InputError, ToleranceNotMet, KernelError
+        As ``hosts.design_from_face``.
     """
     return design_from_face(face, tolerance=tolerance, max_degree=max_degree, untrimmed=untrimmed)
 

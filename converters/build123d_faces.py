@@ -137,7 +137,17 @@ class GTFace(GTObject, host.Face, BaseObject):  # type: ignore[misc]
 
 
 class GTSurface(GTFace):
-    """Face object: the tensor-product GT patch of a net of control points, shape (n + 1, m + 1, 3)."""
+    """Face object: the tensor-product GT patch of a net of control points.
+
+    Parameters
+    ----------
+    control_points
+        Shape (n + 1, m + 1, 3), in mm; u runs from row to row, v along a row.
+    gamma_u, gamma_v
+        Design variables of each direction, two in [-1, 1].
+    options
+        See ``FaceOptions``.
+    """
 
     def __init__(
         self,
@@ -150,28 +160,70 @@ class GTSurface(GTFace):
 
 
 class GTRuled(GTFace):
-    """Face object: straight lines between two curves."""
+    """Face object: straight lines between two curves.
+
+    Parameters
+    ----------
+    a, b
+        The boundaries at v = 0 and v = 1: curves of gtcad, or line objects; in mm.
+    options
+        See ``FaceOptions``.
+    """
 
     def __init__(self, a: Any, b: Any, **options: Unpack[FaceOptions]) -> None:
         super().__init__(Ruled(curve_of(a, "a"), curve_of(b, "b")), **options)
 
 
 class GTSwept(GTFace):
-    """Face object: a profile moved along a trajectory without turning."""
+    """Face object: a profile moved along a trajectory without turning, profile(u) + trajectory(v).
+
+    Parameters
+    ----------
+    profile, trajectory
+        Curves of gtcad, or line objects; in mm.
+    options
+        See ``FaceOptions``.
+    """
 
     def __init__(self, profile: Any, trajectory: Any, **options: Unpack[FaceOptions]) -> None:
         super().__init__(Swept(curve_of(profile, "profile"), curve_of(trajectory, "trajectory")), **options)
 
 
 class GTSwung(GTFace):
-    """Face object: a profile in the plane y = 0 swung along a trajectory in the plane z = 0."""
+    """Face object: a profile (x, z) that a trajectory (X, Y) turns about the z axis and stretches, (a x X, a x Y, z).
+
+    Parameters
+    ----------
+    profile
+        In the plane y = 0: a curve of gtcad, or a line object; in mm.
+    trajectory
+        In the plane z = 0: the same.
+    factor
+        a, not 0.
+    options
+        See ``FaceOptions``.
+    """
 
     def __init__(self, profile: Any, trajectory: Any, factor: float = 1.0, **options: Unpack[FaceOptions]) -> None:
         super().__init__(Swung(curve_of(profile, "profile"), curve_of(trajectory, "trajectory"), factor), **options)
 
 
 class GTRotation(GTFace):
-    """Face object: a profile turned about an axis, by degrees."""
+    """Face object: a profile turned about an axis.
+
+    Parameters
+    ----------
+    profile
+        A curve of gtcad, or a line object; in mm.
+    axis
+        The z axis unless given; turning is counterclockwise seen against its direction.
+    revolution_arc
+        From -360 to 360 degrees, not 0. A full turn closes.
+    start_angle
+        Where the turn begins, in degrees.
+    options
+        See ``FaceOptions``.
+    """
 
     def __init__(
         self,
@@ -188,7 +240,19 @@ class GTRotation(GTFace):
 
 
 class GTLofted(GTFace):
-    """Face object: the patch through sections of one kind, at least three."""
+    """Face object: the patch through sections.
+
+    Parameters
+    ----------
+    sections
+        Curves of gtcad, or line objects, of equal degree and design variables; three at least. In mm.
+    parameters
+        The v of each section, rising in [0, 1]; at equal distances unless given.
+    gamma_v, family_v
+        Design variables and family of the functions of v.
+    options
+        See ``FaceOptions``.
+    """
 
     def __init__(
         self,
@@ -203,7 +267,17 @@ class GTLofted(GTFace):
 
 
 class GTCoons(GTFace):
-    """Face object: the patch of four boundaries, v = 0, v = 1, u = 0 and u = 1."""
+    """Face object: the Coons patch of four boundaries.
+
+    Parameters
+    ----------
+    c0, c1
+        The boundaries at v = 0 and v = 1: curves of gtcad, or line objects; in mm.
+    d0, d1
+        Those at u = 0 and u = 1; they begin on c0 and end on c1.
+    options
+        See ``FaceOptions``.
+    """
 
     def __init__(self, c0: Any, c1: Any, d0: Any, d1: Any, **options: Unpack[FaceOptions]) -> None:
         super().__init__(
@@ -212,7 +286,27 @@ class GTCoons(GTFace):
 
 
 class GTSweep(GTFace):
-    """Face object: a profile carried along a spine in its frame, turned and scaled; see ``patches.Sweep``."""
+    """Face object: a profile carried along a spine in its frame, turned and scaled; see ``patches.Sweep``.
+
+    Parameters
+    ----------
+    profile
+        Across the spine, (x, y): a curve of gtcad, or a line object; in mm.
+    spine
+        The same, in space.
+    frame
+        "rotation-minimising", "frenet" or "fixed".
+    start_normal
+        The direction of the profile's x at the start; chosen unless given.
+    scale
+        Of the profile: one number, or the Bernstein coefficients of a law along the spine.
+    twist
+        Degrees that the profile turns about the spine.
+    closed
+        Whether it is turned so much more that it closes with a closed spine.
+    options
+        See ``FaceOptions``.
+    """
 
     def __init__(
         self,

@@ -9,7 +9,7 @@ import numpy as np
 from gtcad.converters.bspline import BSplineCurve
 from gtcad.converters.build123d_lines import host
 from gtcad.converters.flat_outline import CircleArc, Cubic, Entity, Path, Sheet, Straight
-from gtcad.converters.occt.topology import make_wire
+from gtcad.converters.occt.topology import checked, make_wire
 from gtcad.converters.part import EllipseArc, Wire
 from gtcad.errors import InputError
 
@@ -27,24 +27,26 @@ def flat_face(sheet: Sheet) -> host.Face:
     InputError
         When the pattern lies over itself.
     KernelError
-        When the kernel refuses the face.
+        When the kernel refuses the face: as where a hole touches the outline.
     """
     if sheet.overlap is not None:
         x, y = sheet.overlap.point
         raise InputError(f"{sheet.name!r} lies over itself near ({x:.6g}, {y:.6g}): it is no face")
     outer, *inner = (host.Wire(make_wire(_wire(path))) for path in sheet.cut)
     face = host.Face(outer, inner)
+    checked(face.wrapped, f"face of {sheet.name!r}")
     face.label = sheet.name
     return face if face.normal_at().Z > 0 else -face
 
 
 def flat_lines(sheet: Sheet) -> list[host.Edge]:
-    """The bend lines of a sheet as edges at z = 0, each with its angle in degrees as label."""
+    """The bend lines of a sheet as edges at z = 0, without what lies in holes, each labelled with its angle."""
     edges = []
     for line in sheet.bend:
-        edge = host.Edge.make_line((*line.start, 0.0), (*line.end, 0.0))
-        edge.label = f"bend {line.angle_deg:+.4g}"
-        edges.append(edge)
+        for start, end in line.pieces:
+            edge = host.Edge.make_line((*start, 0.0), (*end, 0.0))
+            edge.label = f"bend {line.angle_deg:+.4g}"
+            edges.append(edge)
     return edges
 
 

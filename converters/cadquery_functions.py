@@ -89,6 +89,8 @@ def gtChain(
         Of all joints, or of each: "C0" to "C3", "G1" to "G3". They are checked.
     closed
         Whether the last piece ends where the first begins.
+    settings
+        See ``Settings``.
     """
     if isinstance(pieces, Composite):
         return GtWire.of(hosts.made_wire(pieces, **settings))
@@ -173,7 +175,14 @@ def gtSurface(
         Control points, in mm; the first index goes with u. Two points in a direction make it straight. Or any patch of
         gtcad.
     gammaU, gammaV
-        Design variables of a surface from points.
+        Design variables of a surface from points, two in [-1, 1] each.
+    settings
+        See ``Settings``.
+
+    Raises
+    ------
+    InputError, ToleranceBelowPrecision, ToleranceNotMet, KernelError
+        As ``gtcad.converters.fit_surface``. All functions that make faces do, and take the same settings.
     """
     if not isinstance(net, SeparableSurface):
         rows = [points_of(f"net[{k}]", row) for k, row in enumerate(net)]
@@ -185,18 +194,40 @@ def gtSurface(
 
 
 def gtRuled(a: CurveLike, b: CurveLike, **settings: Unpack[Settings]) -> GtFace:
-    """The ruled face between two curves; ``gtcad.patches.Ruled``."""
+    """The ruled face between two curves; ``gtcad.patches.Ruled``.
+
+    Parameters
+    ----------
+    a, b
+        The boundaries at v = 0 and v = 1, each control points in mm, an edge of CadQuery, or a curve of gtcad.
+    """
     return gtSurface(Ruled(*in_one_space([curve_of("a", a), curve_of("b", b)])), **settings)
 
 
 def gtSwept(profile: CurveLike, trajectory: CurveLike, **settings: Unpack[Settings]) -> GtFace:
-    """The face of a profile that moves without turning; ``gtcad.patches.Swept``."""
+    """The face of a profile that moves without turning, profile(u) + trajectory(v); ``gtcad.patches.Swept``.
+
+    Parameters
+    ----------
+    profile, trajectory
+        Each control points in mm, an edge of CadQuery, or a curve of gtcad.
+    """
     curves = in_one_space([curve_of("profile", profile), curve_of("trajectory", trajectory)])
     return gtSurface(Swept(*curves), **settings)
 
 
 def gtSwung(profile: CurveLike, trajectory: CurveLike, factor: float = 1.0, **settings: Unpack[Settings]) -> GtFace:
-    """The face of a profile (x, z) that a trajectory (X, Y) turns and stretches; ``gtcad.patches.Swung``."""
+    """The face of a profile (x, z) that a trajectory (X, Y) turns and stretches; ``gtcad.patches.Swung``.
+
+    Parameters
+    ----------
+    profile
+        In the plane y = 0: control points in mm, an edge of CadQuery, or a curve of gtcad.
+    trajectory
+        In the plane z = 0: the same.
+    factor
+        a of (a x X, a x Y, z), not 0.
+    """
     return gtSurface(Swung(curve_of("profile", profile), curve_of("trajectory", trajectory), factor), **settings)
 
 
@@ -207,7 +238,17 @@ def gtRotation(
     axisEnd: PointLike = (0.0, 0.0, 1.0),
     **settings: Unpack[Settings],
 ) -> GtFace:
-    """The face of a profile that turns about an axis; ``gtcad.patches.Rotation``."""
+    """The face of a profile that turns about an axis; ``gtcad.patches.Rotation``.
+
+    Parameters
+    ----------
+    profile
+        Control points in mm, an edge of CadQuery, or a curve of gtcad.
+    angleDegrees
+        From -360 to 360, not 0; counterclockwise seen against the axis. A full turn closes.
+    axisStart, axisEnd
+        Two points of the axis, in mm; the z axis unless given.
+    """
     start, end = (np.resize([*point_of(point), 0.0], 3) for point in (axisStart, axisEnd))
     return gtSurface(Rotation(curve_of("profile", profile), start, end - start, angleDegrees), **settings)
 
@@ -218,14 +259,27 @@ def gtLofted(
     gamma: tuple[float, float] = (0.0, 0.0),
     **settings: Unpack[Settings],
 ) -> GtFace:
-    """The face through sections of one degree; ``gtcad.patches.Lofted``, ruled through two."""
+    """The face through sections; ``gtcad.patches.Lofted``, ruled through two.
+
+    Parameters
+    ----------
+    sections
+        Of equal degree and design variables, each control points in mm, an edge of CadQuery, or a curve of gtcad.
+    parameters
+        The v of each section, rising in [0, 1]; at equal distances unless given.
+    gamma
+        Design variables of the functions of v.
+    """
     curves = in_one_space([curve_of(f"sections[{k}]", one) for k, one in enumerate(sections)])
     family = BERNSTEIN if len(curves) == 2 else GT
     return gtSurface(Lofted(curves, parameters, gamma, family), **settings)
 
 
 def gtCoons(curves: Sequence[CurveLike], **settings: Unpack[Settings]) -> GtFace:
-    """The face inside a loop of four curves, each in either direction; ``gtcad.patches.Coons``."""
+    """The face inside a loop of four curves, in either direction, of any kind that ``gtRuled`` takes.
+
+    ``gtcad.patches.Coons``.
+    """
     loop = in_one_space([curve_of(f"curves[{k}]", curve) for k, curve in enumerate(curves)])
     return gtSurface(coons_from_loop(loop), **settings)
 
@@ -241,7 +295,25 @@ def gtSweep(
     closed: bool = False,
     **settings: Unpack[Settings],
 ) -> GtFace:
-    """The face of a profile that a spine carries along in its frame; ``gtcad.patches.Sweep``."""
+    """The face of a profile that a spine carries along in its frame; ``gtcad.patches.Sweep``.
+
+    Parameters
+    ----------
+    profile
+        Across the spine, (x, y): control points in mm, an edge of CadQuery, or a curve of gtcad.
+    spine
+        The same, in space.
+    frame
+        "rotation-minimising", "frenet" or "fixed".
+    startNormal
+        The direction of the profile's x at the start; chosen unless given.
+    scale
+        Of the profile: one number, or the Bernstein coefficients of a law along the spine.
+    twistDegrees
+        Degrees that the profile turns about the spine.
+    closed
+        Whether it is turned so much more that it closes with a closed spine.
+    """
     swept = Sweep(
         curve_of("profile", profile),
         curve_of("spine", spine),
@@ -318,7 +390,7 @@ def gtSurfaceOn(
 
 
 def gtShell(patches: Quilt | cq.Shell | Iterable[SurfaceLike], **settings: Unpack[Settings]) -> GtShell:
-    """The shell of patches that share edges, found where sides are equal curves."""
+    """The shell of patches that share edges, found where sides are equal curves; patches as of ``gtSolid``."""
     return GtShell.of(hosts.made_shell(quilt_of(patches), **settings))
 
 
@@ -338,13 +410,15 @@ def gtSolid(
         "planar": loops of free edges are closed by plane faces.
     thickness
         Of a wall, in mm: positive towards the side that normals point to.
+    settings
+        See ``Settings``.
     """
     solid = patches if isinstance(patches, Solid) else Solid(quilt_of(patches), caps, thickness)
     return GtSolid.of(hosts.made_solid(solid, **settings))
 
 
 def gtShape(shape: Core, **settings: Unpack[Settings]) -> GtEdge | GtWire | GtFace | GtShell | GtSolid:
-    """The edge, wire, face, shell or solid of any shape of gtcad."""
+    """The edge, wire, face, shell or solid of a curve, chain, patch, quilt or solid of gtcad, in mm."""
     if isinstance(shape, Solid):
         return gtSolid(shape, **settings)
     if isinstance(shape, Quilt):
@@ -355,7 +429,7 @@ def gtShape(shape: Core, **settings: Unpack[Settings]) -> GtEdge | GtWire | GtFa
 
 
 def gtAssembly(model: Model | Mapping[str, Core], **settings: Unpack[Settings]) -> cq.Assembly:
-    """The assembly of a model's shapes with their names and colours; of a mapping, in mm."""
+    """The assembly of a model's shapes with their names and colours; of a mapping of names to shapes, in mm."""
     shapes = model.in_millimetres() if isinstance(model, Model) else model
     colors = model.colors if isinstance(model, Model) else {}
     assembly = cq.Assembly()

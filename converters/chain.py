@@ -7,7 +7,6 @@ joints separate edges. What is proved is the edge as it stands in the end.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -29,7 +28,7 @@ from gtcad.converters.part import EllipseArc
 from gtcad.converters.spline_basis import EndOrder, both_ends
 from gtcad.converters.spline_parts import elevated, extracted, merged
 from gtcad.errors import InputError, ToleranceBelowPrecision, ToleranceNotMet
-from gtcad.protocol import SeparableCurve
+from gtcad.protocol import SeparableCurve, checked_kind, checked_tolerance
 
 Array = NDArray[np.float64]
 
@@ -158,8 +157,8 @@ def fit_chain(
     ToleranceBelowPrecision, ToleranceNotMet
         As ``fit_curve``.
     """
-    if not (tolerance > 0 and math.isfinite(tolerance)):
-        raise InputError(f"tolerance must be a finite number above 0, got {tolerance}")
+    checked_kind("chain", chain, Composite, "a Composite (fit_curve takes one curve)")
+    tolerance = checked_tolerance(tolerance)
     if exact not in ("auto", True, False):
         raise InputError(f'exact must be "auto", True or False, got {exact!r}')
     if problem := chain.unmet():

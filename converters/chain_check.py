@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from gtcad.composite import Composite
-from gtcad.continuity import Derivable, JoinReport, check_join
+from gtcad.continuity import JoinReport
 from gtcad.converters.bspline import BSplineCurve
 from gtcad.converters.certificate import certify_curve, deciding
 from gtcad.converters.chain import as_curve, joint_knots, parts_of, runs_of
 from gtcad.converters.figures import Piece, figure_of, figure_of_part
+from gtcad.converters.pace import End, check_rounded_join, rounded_by
 from gtcad.converters.part import EllipseArc, ends_of
-from gtcad.converters.spline_difference import part_of_curve
+from gtcad.converters.spline_parts import part_of_curve
 from gtcad.converters.verdicts import Row, compared, joined
 from gtcad.errors import InputError
 from gtcad.protocol import SeparableCurve
@@ -150,12 +151,13 @@ def _by_correspondence(
     if not found:
         return None
     rows = {k: row for one in found for k, row in _rows(one, names, tolerance)}
-    ends = {k: curve for one in found for k, curve in zip(one.run, _derivables(one), strict=True)}
+    ends = {k: curve for one in found for k, curve in zip(one.run, _ends(one), strict=True)}
     joints = []
     for k, wanted in enumerate(chain.orders):
         following = (k + 1) % len(names)
         if k in ends and following in ends:
-            joints.append(Joint(_joint_name(name, k, following), wanted, check_join(ends[k], ends[following])))
+            report = check_rounded_join(ends[k], ends[following], wanted)
+            joints.append(Joint(_joint_name(name, k, following), wanted, report))
     every = [rows.get(k, Row(one, "missing")) for k, one in enumerate(names)]
     return _Checked(every, joints, {one.piece.index for one in found})
 
@@ -200,8 +202,7 @@ def _end_gaps(chain: Composite, runs: Sequence[range], held: Sequence[Piece]) ->
 
 def _ways(chain: Composite, run: range, piece: Piece) -> Iterator[tuple[float, _Held]]:
     """The edge along the pieces, and against them, with the gaps."""
-    edge = piece.part.geometry
-    assert isinstance(edge, BSplineCurve | EllipseArc)
+    edge = _edge(piece)
     along = tuple(chain.pieces[k] for k in run)
     against = tuple(RestrictedCurve(one, (1.0, 0.0)) for one in reversed(along))
     for pieces in (along, against):
@@ -257,27 +258,16 @@ def _turned(row: Row) -> Row:
     return replace(row, worst=replace(row.worst, parameters=(1.0 - row.worst.parameters[0],)))
 
 
-@dataclass(frozen=True)
-class _Unit:
-    """A curve over [0, 1], perhaps from its other end."""
-
-    curve: Derivable
-    backwards: bool = False
-
-    @property
-    def domain(self) -> tuple[float, float]:
-        return 0.0, 1.0
-
-    def derivative(self, t: ArrayLike, order: int = 1) -> Array:
-        first, last = self.curve.domain[::-1] if self.backwards else self.curve.domain
-        t = np.asarray(t, dtype=np.float64)
-        return (last - first) ** order * self.curve.derivative(first * (1 - t) + last * t, order)
-
-
-def _derivables(held: _Held) -> list[Derivable]:
+def _ends(held: _Held) -> list[End]:
     """What the edge holds of each piece, in the direction of the chain."""
-    parts: list[Derivable] = [_Unit(as_curve(part), held.backwards) for part in parts_of(held.edge, held.pieces)]
+    moved = rounded_by(_numbers(held.edge))
+    parts = [End(part, moved, held.backwards) for part in parts_of(held.edge, held.pieces)]
     return parts[::-1] if held.backwards else parts
+
+
+def _numbers(edge: BSplineCurve | EllipseArc) -> Array:
+    """The coordinates that a file has of an edge."""
+    return edge.control_points if isinstance(edge, BSplineCurve) else np.vstack([edge.center, ends_of(edge)])
 
 
 # --- edges of anything ------------------------------------------------------------------------------------------------
@@ -302,19 +292,19 @@ def _by_place(name: str, names: Sequence[str], chain: Composite, held: Sequence[
         row = compared(one, figure, [part.figure for part in group], tolerance)
         rows.append(replace(row, face=tuple(dict.fromkeys(part.index for part in group))))
     joints = []
+    moved = {piece.index: rounded_by(_numbers(_edge(piece))) for piece in held}
     for k, wanted in enumerate(chain.orders):
         following = (k + 1) % len(names)
-        before, after = (_ending(groups[i], meeting[k], tolerance) for i in (k, following))
+        before, after = (_starting(groups[i], meeting[k], moved, tolerance) for i in (k, following))
         if before is not None and after is not None:
-            report = check_join(_Unit(before.curve, not before.backwards), after)
+            report = check_rounded_join(before.reversed(), after, f"G{wanted[1]}")
             joints.append(Joint(_joint_name(name, k, following), f"G{wanted[1]}", report))
     return _Checked(rows, joints, {piece.index for piece in held})
 
 
 def _cut(piece: Piece, points: Sequence[Array], tolerance: float) -> Iterator[Piece]:
     """The parts of an edge between those points that lie on it, away from its ends."""
-    edge = piece.part.geometry
-    assert isinstance(edge, BSplineCurve | EllipseArc)
+    edge = _edge(piece)
     first, last = edge.domain if isinstance(edge, BSplineCurve) else (edge.start, edge.end)
     near = _KNOT * (last - first)
     places = [first, last]
@@ -349,11 +339,16 @@ def _part(edge: BSplineCurve | EllipseArc, a: float, b: float) -> tuple[BSplineC
     return part_of_curve(edge, (a, b))
 
 
-def _ending(group: Sequence[Piece], point: Array, tolerance: float) -> _Unit | None:
+def _starting(group: Sequence[Piece], point: Array, moved: Mapping[int, float], tolerance: float) -> End | None:
     """The part that begins or ends at a point, so that it begins there."""
     for part in group:
-        assert isinstance(part.part.geometry, BSplineCurve | EllipseArc)
-        gaps = np.linalg.norm(ends_of(part.part.geometry) - point, axis=1)
+        gaps = np.linalg.norm(ends_of(_edge(part)) - point, axis=1)
         if gaps.min() <= _ON * tolerance:
-            return _Unit(as_curve(part.part.geometry), backwards=bool(gaps[1] < gaps[0]))
+            return End(_edge(part), moved[part.index], backwards=bool(gaps[1] < gaps[0]))
     return None
+
+
+def _edge(piece: Piece) -> BSplineCurve | EllipseArc:
+    edge = piece.part.geometry
+    assert isinstance(edge, BSplineCurve | EllipseArc)
+    return edge

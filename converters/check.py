@@ -12,7 +12,7 @@ from gtcad.converters.figures import Figure, Piece, figure_of, figure_of_part
 from gtcad.converters.matching import UNITS, Matches, Named, matched
 from gtcad.converters.part import Part
 from gtcad.converters.quilt_check import check_quilt
-from gtcad.converters.verdicts import Row, compared, joined
+from gtcad.converters.verdicts import Row, compared_parts, joined
 from gtcad.errors import InputError
 from gtcad.quilt import Quilt
 from gtcad.solid import Solid
@@ -130,16 +130,7 @@ def _checked(
         return check_chain(name, chain, groups[0], tolerance)
     if isinstance(shape, Quilt | Solid):
         return *check_quilt(name, shape, figures, groups, others, tolerance), []
-    return [_row(name, figures[0], groups[0], tolerance)], [], []
-
-
-def _row(name: str, figure: Figure, group: Sequence[Piece], tolerance: float) -> Row:
-    if not group:
-        return Row(name, "missing")
-    numbers = tuple(piece.index for piece in group)
-    if not all(piece.part.valid for piece in group):
-        return Row(name, "invalid", remark="the kernel calls it invalid", face=numbers)
-    return replace(compared(name, figure, [piece.figure for piece in group], tolerance), face=numbers)
+    return [compared_parts(name, figures[0], groups[0], tolerance)], [], []
 
 
 # --- remarks ----------------------------------------------------------------------------------------------------------
@@ -211,7 +202,7 @@ def compare_parts(parts: Sequence[Part], others: Sequence[Part], tolerance: floa
     labels = _labels(others)
     rows = []
     for k, (label, target) in enumerate(zip(labels, targets, strict=True)):
-        row = _row(label, target.figure, [pieces[p] for p in found.groups[k]], tolerance)
+        row = compared_parts(label, target.figure, [pieces[p] for p in found.groups[k]], tolerance)
         rows.append(_told(row, target.name, [parts[p].name for p in found.groups[k]], found, k))
     extra = [part.name or f"no. {k + 1}" for k, part in enumerate(parts) if k not in found.used]
     return Report(tuple(rows), tuple(extra))

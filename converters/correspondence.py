@@ -24,7 +24,8 @@ from gtcad.converters.figures import Figure, Geometry
 from gtcad.converters.nearest import lattice
 from gtcad.converters.part import EllipseArc
 from gtcad.converters.quadrics import Quadric
-from gtcad.converters.spline_difference import certify_splines, part_of_curve, part_of_surface
+from gtcad.converters.spline_difference import certify_splines
+from gtcad.converters.spline_parts import part_of_curve, part_of_surface
 from gtcad.factors import CurveOfTerms, RestrictedFactors, Stacked, SurfaceOfTerms
 from gtcad.protocol import Factors, SeparableCurve, SeparableSurface
 from gtcad.restricted import RestrictedCurve, RestrictedSurface
@@ -154,7 +155,8 @@ def _certify(part: Any, held: Any, maps: tuple[ParameterMap, ...], *, rtol: floa
     terms = [(one.factors_u, one.factors_v, sign * one.coefficients) for one, sign in ((part, 1), (held, -1))]
     flat = BSplineSurface(np.zeros((2, 2, 3)), [0.0, 1.0], [2, 2], 1, [0.0, 1.0], [2, 2], 1)
     found = certify_surface(SurfaceOfTerms.summed(terms), flat, rtol=rtol)
-    return replace(found, upper=found.upper + part.definition_error)
+    own = part.definition_error
+    return Certificate(max(0.0, found.lower - own), found.upper + own, found.place)
 
 
 # --- all of a shape ---------------------------------------------------------------------------------------------------

@@ -28,6 +28,7 @@ from gtcad.converters.sources import Source, source_of
 from gtcad.curve import Curve
 from gtcad.errors import InputError, ToleranceBelowPrecision, ToleranceNotMet
 from gtcad.interpolation import PointFit, approximate
+from gtcad.protocol import checked_tolerance
 from gtcad.restricted import RestrictedCurve
 
 Array = NDArray[np.float64]
@@ -113,7 +114,7 @@ def nearest_gt(
     given, backwards = source_of(source)
     Basis(degree)
     if tolerance is not None:
-        _check_tolerance(tolerance)
+        checked_tolerance(tolerance)
     least = math.inf
     for one in (degree,) if tolerance is None else range(2, degree + 1):
         design = _nearest(given, int(one), gamma, correct_parameters)
@@ -183,7 +184,7 @@ def nearest_chain(
         raise InputError(f'order must be "C0", or "G0" to "G3" as pieces have different lengths, got {order!r}')
     if not is_whole(max_pieces) or max_pieces < 1:
         raise InputError(f"max_pieces must be a whole number from 1, got {max_pieces!r}")
-    _check_tolerance(tolerance)
+    checked_tolerance(tolerance)
     given, backwards = source_of(source)
     if Basis(degree).degree < 2 * count + 1:
         raise InputError(f"order {order} needs degree {2 * count + 1} at least, got {degree}")
@@ -289,11 +290,6 @@ def _estimated_distance(source: Source, curve: Curve) -> float:
 
     pair, places = (measured(source), measured(curve)), grid(1, _SEEN)
     return max(float(distances(a.evaluate(places), b).max()) for a, b in (pair, pair[::-1]))
-
-
-def _check_tolerance(tolerance: float) -> None:
-    if not (tolerance > 0 and math.isfinite(tolerance)):
-        raise InputError(f"tolerance must be a finite number above 0, got {tolerance}")
 
 
 @dataclass(frozen=True, eq=False)

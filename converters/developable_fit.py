@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtcad.converters.approximation import Approximation, Bundle
-from gtcad.converters.bspline import BSplineSurface
+from gtcad.converters.bspline import MAX_DEGREE, BSplineSurface
 from gtcad.converters.certificate import certify_surface, deciding
 from gtcad.converters.exact import IDENTITY, ParameterMap
-from gtcad.converters.fit import Fit, precision_floor
+from gtcad.converters.fit import Fit, checked_whole, precision_floor
 from gtcad.converters.knot_search import adapted
 from gtcad.converters.search import Side, fewest
 from gtcad.converters.sliding import certify_slid, hodographs, on_spans, slid_poles
@@ -26,7 +26,7 @@ from gtcad.converters.spline_basis import Knots
 from gtcad.errors import InputError, ToleranceBelowPrecision, ToleranceNotMet
 from gtcad.patches._twist import twist_bound
 from gtcad.polynomial import Spanned
-from gtcad.protocol import SeparableSurface
+from gtcad.protocol import SeparableSurface, checked_kind, checked_tolerance
 
 Array = NDArray[np.float64]
 Maps = tuple[ParameterMap, ParameterMap]
@@ -117,17 +117,19 @@ def fit_developable(
     >>> fit.deviation[1] <= 1e-4, fit.twist_deg[1] < 1e-9
     (True, True)
     """
+    checked_kind("patch", patch, SeparableSurface, "a patch that is linear in v")
     if patch.factors_v.derivative_bound(2) != 0 or patch.dimension != 3:
         raise InputError(f"patch must be linear in v, in space, got {type(patch).__name__}")
-    if max_twist_deg is not None and not (max_twist_deg > 0 and math.isfinite(max_twist_deg)):
-        raise InputError(f"max_twist_deg must be a finite number above 0, got {max_twist_deg}")
-    if isinstance(degree, bool) or degree not in range(3, 26):
-        raise InputError(f"degree must be a whole number in [3, 25], got {degree!r}")
-    if not (tolerance > 0 and math.isfinite(tolerance)):
-        raise InputError(f"tolerance must be a finite number above 0, got {tolerance}")
+    if max_twist_deg is not None and not (isinstance(max_twist_deg, int | float) and 0 < max_twist_deg < math.inf):
+        raise InputError(f"max_twist_deg must be a finite number above 0, got {max_twist_deg!r}")
+    degree = checked_whole("degree", degree, 3, MAX_DEGREE)
+    if continuity is not None:
+        continuity = checked_whole("continuity", continuity, 0, degree - 1)
+    max_spans = checked_whole("max_spans", max_spans, 1, None)
+    tolerance = checked_tolerance(tolerance)
     side = Side(_boundaries(patch), (degree,), continuity, 0, max_spans)
     sliding = sliding and max_twist_deg is None
-    found = _fitted(patch, side, float(tolerance), sliding)
+    found = _fitted(patch, side, tolerance, sliding)
     for _ in range(_ROUNDS):
         if max_twist_deg is None or found.twist_deg[1] <= max_twist_deg:
             return found

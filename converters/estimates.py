@@ -133,8 +133,7 @@ def _from_figure(
         own = figure.points.places[known] if places is None else places
         return _Samples(own, points, found.points, found.distances, from_figure=True)
 
-    points, places = _sampled(figure)
-    spacing = _spacing(figure, points, places)
+    points, places, spacing = _sampled(figure)
     if places is not None and suspect is not None:
         places = np.vstack([places, suspect])
         points = figure.points.evaluate(places)
@@ -209,8 +208,7 @@ def _from_piece(figure: Figure, piece: Figure, tolerance: float) -> tuple[_Sampl
         found = figure.nearest(points, enough=_ENOUGH * tolerance)
         return _Samples(found.places, found.points, points, found.distances, from_figure=False)
 
-    points, places = _sampled(piece)
-    spacing = _spacing(piece, points, places)
+    points, places, spacing = _sampled(piece)
     samples = look(points)
     if places is None:
         return samples, spacing
@@ -221,19 +219,19 @@ def _from_piece(figure: Figure, piece: Figure, tolerance: float) -> tuple[_Sampl
 # --- samples ----------------------------------------------------------------------------------------------------------
 
 
-def _sampled(figure: Figure) -> tuple[Array, Array | None]:
-    if figure.face is not None and figure.face.region is None:  # only distances from it are known
-        return np.empty((0, 3)), None
-    return figure.sampled(_TRIMMED_LINES if figure.face is not None else _LINES[figure.variables])
-
-
-def _spacing(figure: Figure, points: Array, places: Array | None) -> float:
-    if not len(points):
-        return 0.0
-    if places is None:
-        return figure.size / _TRIMMED_LINES
-    lines = points.reshape(*figure.lines(_LINES[figure.variables]), 3)
-    return max(float(np.linalg.norm(np.diff(lines, axis=axis), axis=-1).max()) for axis in range(figure.variables))
+def _sampled(figure: Figure) -> tuple[Array, Array | None, float]:
+    """Points, their parameters where these are known, and how far neighbours are apart, in mm."""
+    if figure.face is not None:
+        if figure.face.region is None:  # only distances from it are known
+            return np.empty((0, 3)), None, 0.0
+        return *figure.sampled(_TRIMMED_LINES), figure.size / _TRIMMED_LINES
+    least = _LINES[figure.variables]
+    points, places = figure.sampled(least)
+    assert places is not None
+    lines = points.reshape(*figure.lines(least), 3)
+    spacing = max(float(np.linalg.norm(np.diff(lines, axis=axis), axis=-1).max()) for axis in range(figure.variables))
+    besides = figure.passed_by(least)
+    return np.concatenate([points, figure.points.evaluate(besides)]), np.concatenate([places, besides]), spacing
 
 
 def _closer(figure: Figure, places: Array, distances: Array, look: Callable[[Array], _Samples]) -> list[_Samples]:

@@ -23,7 +23,7 @@ from gtcad.converters.bspline import BSplineCurve, BSplineSurface
 from gtcad.converters.certificate import certify_surface
 from gtcad.converters.host_designs import DEFAULT_TOLERANCE, design_of, host_shape
 from gtcad.converters.part import EllipseArc
-from gtcad.converters.spline_parts import cut_poles
+from gtcad.converters.spline_parts import part_of_surface, reversed_surface
 from gtcad.curve import Curve
 from gtcad.errors import InputError, ToleranceNotMet
 from gtcad.patches import Rotation, cylinder
@@ -109,17 +109,9 @@ def design_from_face(
     turned = shape.Orientation() == kernel_module("TopAbs").TopAbs_REVERSED
     if form is not None:
         return _from_form(form, tolerance, turned)
-    spline = _turned(spline) if turned else spline
+    if turned:
+        spline = reversed_surface(spline.transposed()).transposed()
     return _single(spline, tolerance, max_degree) or _several(spline, tolerance, max_degree)
-
-
-def _turned(spline: BSplineSurface) -> BSplineSurface:
-    """The same surface with the other normal: v runs backwards."""
-    knots = (spline.knots_v[0] + spline.knots_v[-1] - spline.knots_v)[::-1]
-    weights = None if spline.weights is None else spline.weights[:, ::-1]
-    v = knots, spline.multiplicities_v[::-1], spline.degree_v
-    u = spline.knots_u, spline.multiplicities_u, spline.degree_u
-    return BSplineSurface(spline.control_points[:, ::-1], *u, *v, weights)
 
 
 # --- faces that a curve generates -------------------------------------------------------------------------------------
@@ -284,41 +276,15 @@ def _corners(spline: BSplineSurface) -> list[float]:
 def _cell(
     spline: BSplineSurface, cell: tuple[Pair, Pair], degree: int, order: int, tolerance: float
 ) -> tuple[Surface, float, float]:
-    part, slack = _part(spline, cell)
+    part, slack = part_of_surface(spline, cell)
     surface = nearest_patch(part, (degree, degree), order)
     proved = certify_surface(surface, part, limit=tolerance)
     return surface, max(0.0, proved.lower - slack), proved.upper + slack
 
 
-def _part(spline: BSplineSurface, cell: tuple[Pair, Pair]) -> tuple[BSplineSurface, float]:
-    """The part over a rectangle of parameters, and a bound of its rounding."""
-    once = _cut(spline, cell[0]).transposed()
-    part = _cut(once, cell[1]).transposed()
-    # every pole is a chain of up to 2 p combinations of two in each direction, each with an error of at most 8 units
-    steps = 16 * (spline.degree_u + spline.degree_v)
-    size = float(np.linalg.norm(spline.homogeneous, axis=-1).max())
-    growth = 1.0
-    if spline.weights is not None:
-        growth = (1 + float(np.linalg.norm(spline.control_points, axis=-1).max())) / float(spline.weights.min())
-    return part, steps * UNIT_ROUNDOFF * size * growth
-
-
-def _cut(spline: BSplineSurface, ends: Pair) -> BSplineSurface:
-    """The part between two parameters of u."""
-    poles = spline.homogeneous
-    flat = cut_poles(spline.flat_knots_u, poles.reshape(len(poles), -1), spline.degree_u, *ends)
-    kept = flat.reshape(-1, *poles.shape[1:])
-    inside = (spline.knots_u > ends[0]) & (spline.knots_u < ends[1])
-    counts = [m for m, inner in zip(spline.multiplicities_u, inside, strict=True) if inner]
-    knots, degree = [ends[0], *spline.knots_u[inside], ends[1]], spline.degree_u
-    points, weights = (kept, None) if spline.weights is None else (kept[..., :-1] / kept[..., -1:], kept[..., -1])
-    v = spline.knots_v, spline.multiplicities_v, spline.degree_v
-    return BSplineSurface(points, knots, [degree + 1, *counts, degree + 1], degree, *v, weights)
-
-
 def _halve(spline: BSplineSurface, cell: tuple[Pair, Pair], degree: int, order: int, lines: list[list[float]]) -> None:
     """Cut the lines of the grid across the direction, or both, in which a cell is worse."""
-    part = _part(spline, cell)[0]
+    part, _ = part_of_surface(spline, cell)
     gaps = _gap(part, degree, order), _gap(part.transposed(), degree, order)
     for direction, knots in enumerate((spline.knots_u, spline.knots_v)):
         if gaps[direction] >= max(gaps) / 4:

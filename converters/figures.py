@@ -17,13 +17,14 @@ from gtcad.converters.bspline import BSplineCurve, BSplineSurface
 from gtcad.converters.nearest import SEARCHES, Nearest, PointSet, is_farther, lattice, nearest
 from gtcad.converters.part import Built, EllipseArc, Part, TrimmedFace, Wire
 from gtcad.converters.quadrics import Quadric, surface_of_quadric
-from gtcad.converters.spline_difference import part_of_surface
+from gtcad.converters.spline_parts import part_of_surface
 from gtcad.protocol import SeparableCurve, SeparableSurface
 
 Array = NDArray[np.float64]
 Geometry = SeparableCurve | SeparableSurface | Composite | BSplineCurve | BSplineSurface
 
 _LEAST, _MOST, _PER_SPAN = {1: 129, 2: 33}, {1: 2049, 2: 193}, 3
+_SEEN = 1.0  # step of the samples: narrower spans are looked into besides
 _MARKS = {1: 17, 2: 7}
 _OUTLINE = 257
 _AREA = 1e-5  # relative: what the kernel's area of a face may be off
@@ -66,21 +67,33 @@ class Figure:
         return PointSet.measured(self.variables, *_functions(self.geometry), self.lines())
 
     def lines(self, least: int | None = None) -> tuple[int, ...]:
-        """How many samples in each direction see every span of a spline."""
+        """How many equal steps of samples in each direction see every span of a spline with equal spans."""
         least = least or _LEAST[self.variables]
-        return tuple(max(least, min(_PER_SPAN * n + 1, _MOST[self.variables])) for n in self._spans)
+        return tuple(max(least, min(_PER_SPAN * (len(x) - 1) + 1, _MOST[self.variables])) for x in self._breaks)
+
+    def passed_by(self, lines: int) -> Array:
+        """Parameters, shape (n, variables), in those spans that so many lines or more may pass by: their middles."""
+        counts = self.lines(lines)
+        equal = [np.linspace(0.0, 1.0, count) for count in counts]
+        found = [np.empty((0, self.variables))]
+        for axis, (breaks, count) in enumerate(zip(self._breaks, counts, strict=True)):
+            narrow = np.diff(breaks) * (count - 1) < _SEEN
+            middles = ((breaks[:-1] + breaks[1:]) / 2)[narrow]
+            found.append(lattice(*(middles if k == axis else line for k, line in enumerate(equal))))
+        return np.concatenate(found)
 
     @property
-    def _spans(self) -> tuple[int, ...]:
+    def _breaks(self) -> tuple[Array, ...]:
+        """In each direction what divides [0, 1] into spans."""
         match self.geometry:
             case BSplineCurve():
-                return (len(self.geometry.knots) - 1,)
+                return (_on_unit(self.geometry.knots),)
             case BSplineSurface():
-                return len(self.geometry.knots_u) - 1, len(self.geometry.knots_v) - 1
+                return _on_unit(self.geometry.knots_u), _on_unit(self.geometry.knots_v)
             case Composite():
-                return (len(self.geometry.pieces) * 8,)
+                return (np.linspace(0.0, 1.0, 8 * len(self.geometry.pieces) + 1),)
             case _:
-                return (1,) * self.variables
+                return (np.array([0.0, 1.0]),) * self.variables
 
     @cached_property
     def marks(self) -> Array:
@@ -191,6 +204,10 @@ class Figure:
 def _quadrature(knots: Array, x: Array, w: Array) -> tuple[Array, Array]:
     half = np.diff(knots)[:, None] / 2
     return ((knots[:-1, None] + half) + half * x).reshape(-1), (half * w).reshape(-1)
+
+
+def _on_unit(knots: Array) -> Array:
+    return np.asarray((knots - knots[0]) / (knots[-1] - knots[0]))
 
 
 def _stretched(places: Array, domain: tuple[tuple[float, float], ...]) -> Array:

@@ -11,13 +11,14 @@ import json
 import math
 import os
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from gtcad._files import written_whole
-from gtcad.converters.outcome import Outcome, report_data
+from gtcad.converters.outcome import Code, Outcome, report_data, worst_code
 from gtcad.errors import FileError, InputError
 
 _MOST = 64_000_000  # bytes of a certificate
@@ -208,6 +209,49 @@ def disagreements(certificate: FileCertificate, outcome: Outcome) -> tuple[str, 
         problems.append(f"checked to {outcome.tolerance} mm now, which is more than its {certificate.tolerance} mm")
     now = report_data(outcome.report)
     return (*problems, *_shapes(certificate, now["shapes"]), *_joints(certificate, now["joints"]))
+
+
+@dataclass(frozen=True, eq=False)
+class Verification:
+    """What came out when a certificate was verified.
+
+    Attributes
+    ----------
+    certificate
+        As it was read.
+    problems
+        What it and the check say differently.
+    """
+
+    certificate: FileCertificate
+    problems: tuple[str, ...]
+
+    @property
+    def verified(self) -> bool:
+        """Whether both agree."""
+        return not self.problems
+
+    @property
+    def words(self) -> str:
+        """In one line: what is verified, or why it is not."""
+        name = f"the certificate of {self.certificate.created}"
+        if self.problems:
+            return f"{name} is not verified: {'; '.join(self.problems)}"
+        estimated = sum(shape.verdict == "estimated" for shape in self.certificate.shapes)
+        proved = len(self.certificate.shapes) - estimated
+        counts = [f"{proved} proved", *([f"{estimated} estimated"] if estimated else [])]
+        return f"{name} is verified: {' and '.join(counts)} within {self.certificate.tolerance:g} mm"
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data for JSON."""
+        return {"created": self.certificate.created, "verified": self.verified, "problems": list(self.problems)}
+
+
+def verified(certificate: FileCertificate, outcome: Outcome) -> Outcome:
+    """The outcome of a check with what it says of a certificate: failed at least, where the two disagree."""
+    found = Verification(certificate, disagreements(certificate, outcome))
+    code = worst_code([outcome.code, Code.FINE if found.verified else Code.FAILED])
+    return replace(outcome, verification=found, code=code)
 
 
 def _other_files(certificate: FileCertificate, outcome: Outcome) -> list[str]:

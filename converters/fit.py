@@ -24,7 +24,7 @@ from gtcad.converters.search import Side, fewest, fewest_pair
 from gtcad.converters.spline_basis import EndOrder
 from gtcad.errors import InputError, ToleranceBelowPrecision, ToleranceNotMet
 from gtcad.factors import KeyedFactors
-from gtcad.protocol import Factors, SeparableCurve, SeparableSurface
+from gtcad.protocol import Factors, SeparableCurve, SeparableSurface, checked_kind, checked_tolerance
 
 Array = NDArray[np.float64]
 Degree = int | Literal["auto"]
@@ -118,6 +118,7 @@ def fit_curve(
     >>> fit.deviation[1] <= 1e-4
     True
     """
+    checked_kind("curve", curve, SeparableCurve, "one curve (fit_chain takes chains, fit_surface surfaces)")
     ends = (_checked_ends("end_order", end_order),)
     options = _Options.checked(tolerance, degree, continuity, ends, exact, max_spans, max_degree)
     if options.exact_allowed and (form := exact_curve(curve)) is not None:
@@ -164,6 +165,7 @@ def fit_surface(
     InputError, ToleranceBelowPrecision, ToleranceNotMet
         As ``fit_curve``; ``max_spans`` counts the spans of each direction.
     """
+    checked_kind("surface", surface, SeparableSurface, "one surface (fit_quilt takes quilts, fit_curve curves)")
     ends = _checked_surface_ends(end_order)
     options = _Options.checked(tolerance, degree, continuity, ends, exact, max_spans, max_degree)
     if options.exact_allowed and (form := exact_surface(surface)) is not None:
@@ -244,21 +246,20 @@ class _Options:
         max_spans: int,
         max_degree: int,
     ) -> _Options:
-        if not (tolerance > 0 and math.isfinite(tolerance)):
-            raise InputError(f"tolerance must be a finite number above 0, got {tolerance}")
+        tolerance = checked_tolerance(tolerance)
         if degree == "auto":
-            _check_whole("max_degree", max_degree, _LEAST_DEGREE, MAX_DEGREE)
+            checked_whole("max_degree", max_degree, _LEAST_DEGREE, MAX_DEGREE)
             degrees = tuple(range(_LEAST_DEGREE, max_degree + 1))
         else:
-            _check_whole("degree", degree, _LEAST_DEGREE, MAX_DEGREE, also='"auto"')
+            checked_whole("degree", degree, _LEAST_DEGREE, MAX_DEGREE, also='"auto"')
             degrees = (degree,)
         if continuity is not None:
-            _check_whole("continuity", continuity, 0, max(degrees) - 1)
+            checked_whole("continuity", continuity, 0, max(degrees) - 1)
             degrees = tuple(one for one in degrees if one > continuity)
-        _check_whole("max_spans", max_spans, 1, None)
+        checked_whole("max_spans", max_spans, 1, None)
         if exact not in ("auto", True, False):
             raise InputError(f'exact must be "auto", True or False, got {exact!r}')
-        return cls(float(tolerance), degrees, continuity, ends, exact, max_spans)
+        return cls(tolerance, degrees, continuity, ends, exact, max_spans)
 
     @property
     def exact_allowed(self) -> bool:
@@ -294,15 +295,15 @@ def precision_floor(factors: tuple[Factors, ...]) -> float:
 def _checked_ends(name: str, value: object) -> tuple[int, int]:
     """The orders at the start and at the end, from one for both or a pair."""
     if not _is_pair(value):
-        order = _check_whole(name, value, 0, _MAX_END_ORDER, also="a pair of such")
+        order = checked_whole(name, value, 0, _MAX_END_ORDER, also="a pair of such")
         return order, order
-    start, end = (_check_whole(f"{name}[{place}]", order, 0, _MAX_END_ORDER) for place, order in enumerate(value))
+    start, end = (checked_whole(f"{name}[{place}]", order, 0, _MAX_END_ORDER) for place, order in enumerate(value))
     return start, end
 
 
 def _checked_surface_ends(value: object) -> tuple[tuple[int, int], tuple[int, int]]:
     if not (_is_pair(value) and all(map(_is_pair, value))):
-        order = _check_whole("end_order", value, 0, _MAX_END_ORDER, also="((u0, u1), (v0, v1)) of such")
+        order = checked_whole("end_order", value, 0, _MAX_END_ORDER, also="((u0, u1), (v0, v1)) of such")
         return (order, order), (order, order)
     return _checked_ends("end_order[0]", value[0]), _checked_ends("end_order[1]", value[1])
 
@@ -311,7 +312,8 @@ def _is_pair(value: object) -> TypeGuard[Sequence[Any]]:
     return isinstance(value, Sequence) and not isinstance(value, str) and len(value) == 2
 
 
-def _check_whole(name: str, value: object, least: int, most: int | None, also: str = "") -> int:
+def checked_whole(name: str, value: object, least: int, most: int | None, also: str = "") -> int:
+    """A whole number in [least, most], or from ``least`` on; ``also`` says in words what else is allowed."""
     whole = int(value) if isinstance(value, (int, np.integer)) and not isinstance(value, bool) else None
     if whole is not None and whole >= least and (most is None or whole <= most):
         return whole

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtcad._files import written_whole
-from gtcad.converters.flat_outline import CircleArc, Cubic, Entity, Path, Sheet, Straight
+from gtcad.converters.flat_outline import CircleArc, Cubic, Entity, Path, Sheet, Straight, bezier_spans
 from gtcad.errors import ExtraMissing, InputError
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ _STYLES = {
 }
 _DASHES = 10.0  # scale of the dashes: about 5 mm each
 _MARGIN = 5.0  # mm around an SVG drawing
+_LARGEST_ARC = math.pi / 2
 
 
 def write_dxf(path: str | os.PathLike[str], sheets: Sequence[Sheet]) -> None:
@@ -78,8 +79,8 @@ def _dxf_entities(space: Modelspace, sheet: Sheet) -> Iterator[Any]:
         for path in paths:
             for entity in path.entities:
                 yield _dxf_entity(space, entity, {"layer": layer})
-    for line in sheet.bend:
-        yield space.add_line(line.start, line.end, {"layer": "BEND"})
+    for start, end in (piece for line in sheet.bend for piece in line.pieces):
+        yield space.add_line(start, end, {"layer": "BEND"})
 
 
 def _dxf_entity(space: Modelspace, entity: Entity, attributes: dict[str, str]) -> Any:
@@ -130,9 +131,10 @@ def _svg_lines(sheet: Sheet, layer: str, corner: Array) -> Iterator[str]:
     title = f"<title>{escape(sheet.name)}</title>"
     if layer == "BEND":
         for line in sheet.bend:
-            (a, b), (c, d) = (_pair(np.array(end), corner) for end in (line.start, line.end))
             text = f"<title>{escape(sheet.name)}: {line.angle_deg:+.3g} degrees</title>"
-            yield f'<line x1="{a}" y1="{b}" x2="{c}" y2="{d}">{text}</line>'
+            for piece in line.pieces:
+                (a, b), (c, d) = (_pair(np.array(end), corner) for end in piece)
+                yield f'<line x1="{a}" y1="{b}" x2="{c}" y2="{d}">{text}</line>'
         return
     if layer == "CUT":
         yield f'<path fill-rule="evenodd" d="{" ".join(_svg_path(path, corner) for path in sheet.cut)}">{title}</path>'
@@ -147,8 +149,8 @@ def _svg_path(path: Path, corner: Array) -> str:
         match entity:
             case Straight():
                 parts += ["L", *_pair(entity.end, corner)]
-            case CircleArc():  # halves: an arc of a full turn has no direction in SVG; y points downwards there
-                for point in entity.points(3)[1:]:
+            case CircleArc():  # quarters: of its ends alone the centre of a half is badly known; y points downwards
+                for point in entity.points(1 + max(1, math.ceil(abs(entity.sweep) / _LARGEST_ARC)))[1:]:
                     turn = "0" if entity.sweep > 0 else "1"
                     parts += [
                         "A",
@@ -160,20 +162,11 @@ def _svg_path(path: Path, corner: Array) -> str:
                         *_pair(point, corner),
                     ]
             case Cubic(spline):
-                for poles in bezier_spans(spline.knots, spline.evaluate, spline.derivative):
+                for poles in bezier_spans(spline):
                     parts += ["C", *(text for pole in poles[1:] for text in _pair(pole, corner))]
     if path.closed:
         parts.append("Z")
     return " ".join(parts)
-
-
-def bezier_spans(knots: Array, evaluate: Any, derivative: Any) -> Array:
-    """The control points of the cubic on each span of a spline with continuous derivatives, shape (spans, 4, 2)."""
-    points, slopes = evaluate(knots), derivative(knots)
-    third = np.diff(knots)[:, None] / 3
-    return np.stack(
-        [points[:-1], points[:-1] + third * slopes[:-1], points[1:] - third * slopes[1:], points[1:]], axis=1
-    )
 
 
 def _pair(point: Array, corner: Array) -> tuple[str, str]:
@@ -181,7 +174,7 @@ def _pair(point: Array, corner: Array) -> tuple[str, str]:
 
 
 def _number(value: float) -> str:
-    text = f"{value:.6f}".rstrip("0").rstrip(".")
+    text = f"{value:.9f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text
 
 

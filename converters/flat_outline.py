@@ -10,15 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtcad._flat_bends import BendLine
-from gtcad._flat_places import Crossing, first_crossing
+from gtcad._flat_places import Crossing
 from gtcad.chebyshev import UNIT_ROUNDOFF
 from gtcad.converters.arcs import certify_arc
 from gtcad.converters.bspline import BSplineCurve
 from gtcad.converters.fit import fit_curve
+from gtcad.converters.flat_loops import check_holes, cut_at_holes, outline_loops
 from gtcad.converters.part import EllipseArc
 from gtcad.errors import InputError, ToleranceBelowPrecision
 from gtcad.flat_curves import FlatCurve
-from gtcad.flat_pattern import FlatPattern, polygon
+from gtcad.flat_pattern import FlatPattern
 from gtcad.flat_strip import FlatStrip
 from gtcad.polynomial import Polynomials
 from gtcad.protocol import SeparableCurve
@@ -44,6 +45,11 @@ class Straight:
 
     start: Array
     end: Array
+
+    @property
+    def extremes(self) -> Array:
+        """Points of which the box is that of the segment, shape (n, 2)."""
+        return np.stack([self.start, self.end])
 
     def points(self, count: int) -> Array:
         """Points from the start to the end, shape (count, 2)."""
@@ -84,9 +90,18 @@ class CircleArc:
         """The last point."""
         return np.asarray(self.points(2)[1])
 
+    @property
+    def extremes(self) -> Array:
+        """Points of which the box is that of the arc, shape (n, 2)."""
+        low, high = sorted([self.angle, self.angle + self.sweep])
+        quarters = np.arange(math.ceil(2 * low / math.pi), math.floor(2 * high / math.pi) + 1) * math.pi / 2
+        return self._at(np.array([low, *quarters, high]))
+
     def points(self, count: int) -> Array:
         """Points from the start to the end, shape (count, 2)."""
-        angle = self.angle + self.sweep * np.linspace(0.0, 1.0, count)
+        return self._at(self.angle + self.sweep * np.linspace(0.0, 1.0, count))
+
+    def _at(self, angle: Array) -> Array:
         return np.asarray(self.center + self.radius * np.stack([np.cos(angle), np.sin(angle)], axis=1))
 
     def moved(self, offset: Array) -> CircleArc:
@@ -116,6 +131,19 @@ class Cubic:
         """The last point."""
         return np.asarray(self.spline.control_points[-1])
 
+    @property
+    def extremes(self) -> Array:
+        """Points of which the box is that of the spline, shape (n, 2)."""
+        a, b, c, d = np.moveaxis(bezier_spans(self.spline), 1, 0)
+        second, first, rest = d - 3 * c + 3 * b - a, c - 2 * b + a, b - a  # of the derivative: zeros of a parabola
+        root = np.sqrt(np.maximum(first**2 - second * rest, 0.0))
+        q = -(first + np.where(first < 0, -root, root))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            zeros = np.stack([q / second, rest / q])
+        spans, widths = self.spline.knots[:-1, None], np.diff(self.spline.knots)[:, None]
+        t = (spans + widths * np.where((zeros > 0) & (zeros < 1), zeros, 0.0)).reshape(-1)
+        return self.spline.evaluate(np.append(t, 1.0))
+
     def points(self, count: int) -> Array:
         """Points from the start to the end, shape (count, 2)."""
         return self.spline.evaluate(np.linspace(0.0, 1.0, count))
@@ -124,6 +152,15 @@ class Cubic:
         """The spline elsewhere."""
         s = self.spline
         return Cubic(BSplineCurve(s.control_points + offset, s.knots, s.multiplicities, s.degree))
+
+
+def bezier_spans(spline: BSplineCurve) -> Array:
+    """The control points of the cubic on each span of a spline with continuous derivatives, shape (spans, 4, 2)."""
+    points, slopes = spline.evaluate(spline.knots), spline.derivative(spline.knots)
+    third = np.diff(spline.knots)[:, None] / 3
+    return np.stack(
+        [points[:-1], points[:-1] + third * slopes[:-1], points[1:] - third * slopes[1:], points[1:]], axis=1
+    )
 
 
 Entity = Straight | CircleArc | Cubic
@@ -172,9 +209,9 @@ class Sheet:
     name
         For readers.
     cut
-        Closed paths: the outline, then the holes.
+        Closed paths: the outline, of a plane ring also the inner one, then the holes.
     bend
-        Where to bend.
+        Where to bend; each line knows which parts of it lie in holes, and are not drawn.
     mark
         What to draw on the sheet.
     deviation
@@ -192,8 +229,8 @@ class Sheet:
 
     @property
     def box(self) -> Array:
-        """Least and largest coordinates of points of the outline, shape (2, 2)."""
-        points = self.cut[0].points()
+        """Least and largest coordinates of the outline, shape (2, 2)."""
+        points = np.concatenate([entity.extremes for entity in self.cut[0].entities])
         return np.stack([points.min(axis=0), points.max(axis=0)])
 
     def moved(self, offset: Array) -> Sheet:
@@ -228,9 +265,9 @@ def draw_pattern(
     tolerance
         The largest distance allowed, in mm.
     name
-        For readers of the drawing.
+        For readers of the drawing, of printable characters.
     bend_lines
-        How many rulings to draw as bend lines, besides the creases of a strip.
+        How many rulings to draw as bend lines, besides the creases of a strip: outside the holes, where the sheet is.
     holes
         Closed curves of the pattern, each from ``pattern.image``.
     marks
@@ -239,31 +276,26 @@ def draw_pattern(
     Raises
     ------
     InputError
-        When a hole is not closed, or crosses itself.
+        When the tolerance or the name is none, a hole is not closed or crosses itself, or holes cross or lie in each
+        other though the pattern does not lie over itself.
     ToleranceNotMet, ToleranceBelowPrecision
         As ``fit_curve``; also when the pattern itself is not as good.
     """
-    for hole in holes:
-        _check_hole(hole)
+    if not math.isfinite(tolerance) or tolerance <= 0:
+        raise InputError(f"tolerance must be a finite number above 0, got {tolerance}")
+    if not name.isprintable():
+        raise InputError(f"name must consist of printable characters, got {name!r}")
+    check_holes(holes, apart=pattern.overlap is None)
     off = max([pattern.error, *(curve.error for curve in (*holes, *marks))])
     if tolerance <= 2 * off:
         raise ToleranceBelowPrecision(tolerance, 2 * off)
     allowed = tolerance - off
-    cut = [path_of(pattern.contour, allowed, closed=True), *(path_of((hole,), allowed, closed=True) for hole in holes)]
+    loops = [*outline_loops(pattern.contour), *((hole,) for hole in holes)]
+    cut = [path_of(loop, allowed, closed=True) for loop in loops]
     mark = [path_of((curve,), allowed, closed=curve.closed) for curve in marks]
     deviation = max(path.deviation for path in (*cut, *mark)) + off
     bend = pattern.bend_lines(bend_lines) if isinstance(pattern, FlatStrip) or bend_lines else ()
-    return Sheet(name, tuple(cut), bend, tuple(mark), deviation, pattern.overlap)
-
-
-def _check_hole(hole: FlatCurve) -> None:
-    if not hole.closed:
-        ends = hole.evaluate(np.array([0.0, 1.0]))
-        apart = float(np.linalg.norm(ends[1] - ends[0]))
-        raise InputError(f"a hole must be a closed curve; its ends are {apart:.3g} apart")
-    if (crossing := first_crossing(polygon((hole,)))) is not None:
-        x, y = crossing.point
-        raise InputError(f"a hole must not cross itself; it does near ({x:.6g}, {y:.6g}) of the pattern")
+    return Sheet(name, tuple(cut), cut_at_holes(bend, holes), tuple(mark), deviation, pattern.overlap)
 
 
 def arranged(sheets: Sequence[Sheet], spacing: float = 10.0) -> tuple[Sheet, ...]:

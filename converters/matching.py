@@ -7,6 +7,7 @@ last. Boxes and sampled points keep the pairs that are looked at few.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -21,6 +22,8 @@ Array = NDArray[np.float64]
 
 _NEAR = 0.05  # of a shape: what lies farther from it than that does not hold it, unless it is the last choice
 _APART = 4.0  # tolerances: pieces nearer than that are one piece twice
+_BESIDE = 1.1  # of the distances of two parts from one target: so near each other, they are on one place of it
+_SMALL = 0.25  # of a part: what may be apart without being beside each other
 _OTHER_NAME, _ORDER = 0.5, 1e-6  # of the tolerance: what counts against a pair with unlike names, or in another order
 _MARGIN = 0.05  # of a figure: what its box of samples may lack
 _FEW = 16  # figures whose trees are looked through for a first answer
@@ -185,21 +188,28 @@ class _Search:
         return [(rows[i], columns[j]) for i, j in found if (rows[i], columns[j]) in pairs]
 
     def _partial(self, limits: Array) -> None:
-        """Parts within a target, nearer than its limit, where nothing covers it yet."""
-        for p in sorted(self.left, key=lambda p: -self.parts[p].figure.size):
-            homes = [(far, self.parts[p].name != self.targets[t].name, t) for (q, t), far in self.one.items() if q == p]
-            if not homes:
-                continue
-            equal = sorted((max(far, self.tolerance), unlike, t) for far, unlike, t in homes)
-            equal = [home for home in equal if home[0] == equal[0][0]]  # shapes may share an edge that is there twice
+        """Parts within a target, nearer than its limit, where nothing covers it yet: near ones first, then large ones.
+
+        Where all of a file misses the tolerance, the other side of a thin wall is so not taken for the patch.
+        """
+        homes: dict[int, list[tuple[float, bool, int]]] = {p: [] for p in self.left}
+        for (p, t), far in self.one.items():
+            if p in homes:
+                homes[p].append((max(far, self.tolerance), self.parts[p].name != self.targets[t].name, t))
+        nearest = {p: min(own) for p, own in homes.items() if own}
+        for p in sorted(nearest, key=lambda p: (_times(nearest[p][0], self.tolerance), -self.parts[p].figure.size)):
+            equal = [home for home in sorted(homes[p]) if home[0] == nearest[p][0]]  # shapes may share a doubled edge
             far, unlike, t = next((home for home in equal if not self._is_double(p, home[2])), equal[0])
             known = unlike and self.parts[p].name in self.names and far > self.tolerance
             if far <= max(limits[t], self.tolerance) and not known and not self._is_double(p, t):
                 self.groups[t].append(p)
 
     def _is_double(self, p: int, t: int) -> bool:
-        """Whether the pieces of a target are already where the part is."""
-        return _all_near(self.parts[p].figure, [self.parts[q].figure for q in self.groups[t]], _APART * self.tolerance)
+        """Whether the pieces of a target are already where the part is, as far as the target tells."""
+        figure, pieces = self.parts[p].figure, [self.parts[q].figure for q in self.groups[t]]
+        apart = self.one[p, t] + max((self.one.get((q, t), 0.0) for q in self.groups[t]), default=0.0)
+        limit = max(_APART * self.tolerance, _BESIDE * apart)
+        return _all_near(figure, pieces, limit if limit <= _SMALL * figure.size else _APART * self.tolerance)
 
     def _is_covered(self, t: int) -> bool:
         pieces = [self.parts[p].figure for p in self.groups[t]]
@@ -262,6 +272,11 @@ class _Search:
             for t, group in enumerate(search.groups)
             if group and search._is_covered(t)
         }
+
+
+def _times(far: float, tolerance: float) -> int:
+    """How many times the tolerance must be doubled to reach so far."""
+    return max(0, math.frexp(far / tolerance)[1] - 1)
 
 
 def _all_near(figure: Figure, others: Sequence[Figure], limit: float) -> bool:

@@ -20,7 +20,7 @@ from gtcad._files import written_whole
 from gtcad.converters.triangles import Bounds, densities, divided, triangulated
 from gtcad.converters.welding import SAME, Welds, side_points, welded
 from gtcad.errors import ExtraMissing, FileError, InputError, ToleranceBelowPrecision, ToleranceNotMet
-from gtcad.protocol import SeparableSurface
+from gtcad.protocol import SeparableSurface, checked_kind, checked_tolerance
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -153,8 +153,7 @@ def combined(meshes: Mapping[str, Mesh]) -> Mesh:
 
 
 def _checked(shapes: Mapping[str, Any], tolerance: float, max_triangles: int) -> list[SeparableSurface]:
-    if not 0 < tolerance < np.inf:
-        raise InputError(f"tolerance must be positive and finite, got {tolerance}")
+    checked_tolerance(tolerance)
     if max_triangles < 4:
         raise InputError(f"max_triangles must be at least 4, got {max_triangles}")
     for name, shape in shapes.items():
@@ -307,6 +306,7 @@ def write_mesh(
     form = Path(path).suffix.lower()
     if form not in (".stl", ".glb", ".3mf"):
         raise InputError(f"the file of a mesh must end in .stl, .glb or .3mf, got {os.fspath(path)!r}")
+    checked_kind("meshes", meshes, Mapping, "a mapping of names to meshes")
     if not any(len(mesh.triangles) for mesh in meshes.values()):
         raise InputError("a file needs at least one triangle")
     try:

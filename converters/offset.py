@@ -32,7 +32,7 @@ from gtcad.converters.search import Side, fewest
 from gtcad.converters.spline_basis import EndOrder, Knots, both_ends, local_values
 from gtcad.errors import InputError, ToleranceBelowPrecision, ToleranceNotMet
 from gtcad.offset import Offset
-from gtcad.protocol import SeparableCurve
+from gtcad.protocol import SeparableCurve, checked_kind, checked_tolerance
 
 Array = NDArray[np.float64]
 
@@ -166,8 +166,8 @@ def certify_offset(offset: Offset, spline: BSplineCurve, *, rtol: float = 0.01) 
 
 
 def _check(offset: Offset, tolerance: float, degree: int, end_order: EndOrder, max_spans: int) -> None:
-    if not (tolerance > 0 and math.isfinite(tolerance)):
-        raise InputError(f"tolerance must be a finite number above 0, got {tolerance}")
+    checked_kind("offset", offset, Offset, "an Offset, as gtcad.offset.offset makes of a curve")
+    checked_tolerance(tolerance)
     for name, value, least, most in (
         ("degree", degree, 3, MAX_DEGREE),
         *(("end_order", order, 0, 3) for order in both_ends(end_order)),

@@ -31,6 +31,7 @@ from gtcad.errors import (
 if TYPE_CHECKING:
     from gtcad._entries import ModelShape
     from gtcad.converters.check import Report
+    from gtcad.converters.file_certificate import Verification
     from gtcad.converters.part import Part
     from gtcad.converters.readiness import Readiness
     from gtcad.converters.scene import Scene
@@ -123,6 +124,8 @@ class Outcome:
         That the check took.
     statements
         What the file states of its shapes besides them, held against them.
+    verification
+        Of the file's certificate, if one was verified by this check.
     """
 
     file: str
@@ -137,6 +140,7 @@ class Outcome:
     message: str = ""
     seconds: float = 0.0
     statements: tuple[Statement, ...] = ()
+    verification: Verification | None = None
 
     def as_data(self) -> dict[str, Any]:
         """Plain data for JSON: all but the scene."""
@@ -150,6 +154,8 @@ class Outcome:
             data["readiness"] = asdict(self.readiness) | {"verdict": self.readiness.verdict}
         if self.statements:
             data["statements"] = [asdict(item) | {"unit": item.unit, "kept": item.kept} for item in self.statements]
+        if self.verification is not None:
+            data["certificate"] = self.verification.as_data()
         found: dict[str, Any] = plain(data | {"environment": self.environment})
         return found
 
@@ -251,6 +257,8 @@ def _compared(job: Job, parts: list[Part]) -> tuple[Report, dict[str, ModelShape
         from gtcad.model import load_model
 
         shapes = load_model(job.against).in_millimetres()
+        if not shapes:
+            raise ModelError(job.against, ["all its shapes are for construction: there is nothing to check"])
         return check.check_parts(parts, shapes, job.tolerance), shapes, []
     others = _parts(job.against, job.against_form)
     return check.compare_parts(parts, others, job.tolerance), None, others
@@ -259,10 +267,11 @@ def _compared(job: Job, parts: list[Part]) -> tuple[Report, dict[str, ModelShape
 def _parts(path: str, form: str) -> list[Part]:
     """The parts of a file, whose coordinates must leave room for their squares."""
     from gtcad.converters import jobs
+    from gtcad.converters.descriptions import box_of
 
     parts = jobs.read_parts(path, form)
     for number, part in enumerate(parts, start=1):
-        for sides in (jobs.describe_parts([part], form)["box"] or {}).values():
+        for sides in (box_of([part]) or {}).values():
             check_coordinates(path, f"part {number} ({part.name!r})", max(map(abs, sides)))
     return parts
 

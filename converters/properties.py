@@ -1,7 +1,7 @@
 """Validation properties: what a file says of its shapes besides the shapes, for the system that reads it to compare.
 
 They come from the exact shapes of a model, not from the splines that approximate them: area, volume, centre of gravity
-and points that lie on the faces. `stated` makes them; `compared` holds what a file states against what it holds.
+and points that lie on the faces. `stated` makes them; ``gtcad.converters.stated_check`` holds them against a file.
 
 References
 ----------

@@ -13,11 +13,13 @@ from gtcad._sides import DerivableSurface
 from gtcad.continuity import JoinReport
 from gtcad.converters.bspline import BSplineSurface
 from gtcad.converters.chain_check import Joint
+from gtcad.converters.correspondence import Way
 from gtcad.converters.figures import Figure, Piece
 from gtcad.converters.folds import crease
-from gtcad.converters.pace import paced, rounding_limits
+from gtcad.converters.pace import paced, rounded_by, rounding_limits
 from gtcad.converters.part import BodyFacts
-from gtcad.converters.verdicts import Row, Verdict, compared, joined
+from gtcad.converters.split_edges import Stretch, check_split_edge, stretches_of
+from gtcad.converters.verdicts import Row, Verdict, compared_parts, joined, ways_over
 from gtcad.converters.wall import SMOOTH, wall_volume
 from gtcad.edge_check import check_edge
 from gtcad.measure import Estimate
@@ -62,29 +64,24 @@ def check_quilt(
     rows
         One for the whole, one for each patch.
     joints
-        One for each shared edge whose patches are each one untrimmed face.
+        One for each shared edge whose patches are untrimmed faces, or parts of the patches cut along their parameters.
     """
     quilt = shape.quilt if isinstance(shape, Solid) else shape
+    ways = [_ways_over(figure, group, tolerance) for figure, group in zip(figures, groups, strict=True)]
     rows = [
-        _row(f"{name}.{patch}", figure, group, tolerance)
-        for patch, figure, group in zip(quilt.names, figures, groups, strict=True)
+        compared_parts(f"{name}.{patch}", figure, group, tolerance, own)
+        for patch, figure, group, own in zip(quilt.names, figures, groups, ways, strict=True)
     ]
-    held = [_held(surface, group) for surface, group in zip(quilt.patches, groups, strict=True)]
+    held = [
+        _held(surface, group) if own is None else _Split(own, [_moved(piece) for piece in group])
+        for surface, group, own in zip(quilt.patches, groups, ways, strict=True)
+    ]
     found = [_joint(name, quilt, edge, held, tolerance) for edge in quilt.edges]
     pieces = [piece for group in groups for piece in group]
     whole = _whole(name, shape, pieces, others, rows, tolerance)
     if all(groups):
         whole = _less_sure(whole, quilt, found)
     return [whole, *rows], [joint for joint in found if joint is not None]
-
-
-def _row(name: str, figure: Figure, group: Sequence[Piece], tolerance: float) -> Row:
-    if not group:
-        return Row(name, "missing")
-    numbers = tuple(piece.index for piece in group)
-    if not all(piece.part.valid for piece in group):
-        return Row(name, "invalid", remark="the kernel calls it invalid", face=numbers)
-    return replace(compared(name, figure, [piece.figure for piece in group], tolerance), face=numbers)
 
 
 # --- shared edges -----------------------------------------------------------------------------------------------------
@@ -98,6 +95,7 @@ class _Held:
     transposed: bool
     backwards: tuple[bool, bool]
     gap: float
+    moved: float
 
     def side(self, side: str) -> str:
         """The surface's side for a side of the patch."""
@@ -109,13 +107,40 @@ class _Held:
         return self.backwards["uv".index(use.along)]
 
 
+@dataclass(frozen=True)
+class _Split:
+    """How several faces run over a patch, and how far rounding may have moved each."""
+
+    ways: Sequence[Way]
+    moved: Sequence[float]
+
+
 def _held(surface: SeparableSurface, group: Sequence[Piece]) -> _Held | None:
     if len(group) != 1 or group[0].figure.face is not None:
         return None
     own = group[0].figure.geometry
     assert isinstance(own, BSplineSurface | SeparableSurface)
     gap, transposed, backwards = _ways(surface, own)
-    return _Held(own, transposed, backwards, gap)
+    return _Held(own, transposed, backwards, gap, _moved(group[0]))
+
+
+def _moved(piece: Piece) -> float:
+    """How far rounding may have moved the coordinates in the file."""
+    own = piece.part.geometry
+    return rounded_by(own.control_points) if isinstance(own, BSplineSurface) else 0.0
+
+
+def _ways_over(figure: Figure, group: Sequence[Piece], tolerance: float) -> list[Way] | None:
+    """How several faces run over a patch; None where that is not known."""
+    if len(group) < 2 or any(piece.figure.face is not None for piece in group):
+        return None
+    return ways_over(figure, [piece.figure for piece in group], tolerance)
+
+
+def _stretches(held: _Held | _Split, use: Use) -> list[Stretch]:
+    if isinstance(held, _Split):
+        return stretches_of(held.ways, held.moved, use.side)
+    return [Stretch(held.surface, held.side(use.side), held.moved, (1.0, 0.0) if held.against(use) else (0.0, 1.0))]
 
 
 def _ways(surface: SeparableSurface, held: BSplineSurface | SeparableSurface) -> tuple[float, bool, tuple[bool, bool]]:
@@ -131,14 +156,22 @@ def _ways(surface: SeparableSurface, held: BSplineSurface | SeparableSurface) ->
     return min(ways)
 
 
-def _joint(name: str, quilt: Quilt, edge: SharedEdge, held: Sequence[_Held | None], tolerance: float) -> Joint | None:
-    """What happens at an edge in the file; None where a face is missing, split or trimmed.
+def _joint(
+    name: str, quilt: Quilt, edge: SharedEdge, held: Sequence[_Held | _Split | None], tolerance: float
+) -> Joint | None:
+    """What happens at an edge in the file; None where a face is missing or trimmed.
 
     Faces with other parameters than the patches' cannot keep derivatives by these: only what points tell is wanted.
     """
     first, second = (held[use.patch] for use in edge.uses)
     if first is None or second is None:
         return None
+    label = f"{name}.{'-'.join(quilt.label(use) for use in edge.uses)}"
+    if isinstance(first, _Split) or isinstance(second, _Split):
+        others = _stretches(second, edge.second)
+        others = [one.mirrored() for one in others] if edge.reversed else others
+        split = check_split_edge(_stretches(first, edge.first), others, f"G{edge.order[1]}")
+        return None if split is None else Joint(label, f"G{edge.order[1]}", split)
     backwards = edge.reversed ^ first.against(edge.first) ^ second.against(edge.second)
     sides = first.side(edge.first.side), second.side(edge.second.side)
     other: BSplineSurface | SeparableSurface | DerivableSurface = second.surface
@@ -148,13 +181,12 @@ def _joint(name: str, quilt: Quilt, edge: SharedEdge, held: Sequence[_Held | Non
     found = check_edge(first.surface, sides[0], other, sides[1], reversed=way)
     order = found.geometric_order
     if not found.meets(wanted):
-        limits = rounding_limits((first.surface, second.surface), sides, found.curvature)
+        limits = rounding_limits((first.surface, second.surface), sides, (first.moved, second.moved), found.curvature)
         order = check_edge(first.surface, sides[0], other, sides[1], reversed=way, thresholds=limits).geometric_order
     figures = (found.gap[1], found.normal_angle_deg, found.curvature_jump, found.curvature_rate_jump)
     orders = found.parametric_order, order
     report = JoinReport(*figures, 0.0, found.parametric_jumps, *orders)
-    labels = (quilt.label(use) for use in edge.uses)
-    return Joint(f"{name}.{'-'.join(labels)}", wanted, report)
+    return Joint(label, wanted, report)
 
 
 def _less_sure(whole: Row, quilt: Quilt, found: Sequence[Joint | None]) -> Row:

@@ -30,7 +30,7 @@ from gtcad.converters.fit import Degree, precision_floor
 from gtcad.converters.search import Side, fewest
 from gtcad.errors import InputError, ToleranceBelowPrecision, ToleranceNotMet
 from gtcad.factors import RestrictedFactors, Stacked
-from gtcad.protocol import Factors, SeparableSurface
+from gtcad.protocol import Factors, SeparableSurface, checked_kind, checked_tolerance
 from gtcad.quilt import Quilt, Use, connected
 
 Array = NDArray[np.float64]
@@ -119,6 +119,7 @@ def fit_quilt(
     >>> fit.deviation[1] <= 1e-4, bool((a.control_points[:, 0] == b.control_points[:, 0]).all())
     (True, True)
     """
+    checked_kind("quilt", quilt, Quilt, "a Quilt, as Quilt.recognised makes of patches")
     _check(tolerance, max_spans)
     degrees = _degrees(degree, max_degree, continuity)
     if tolerance < (floor := max(map(_floor, quilt.patches))):
@@ -142,8 +143,7 @@ def fit_quilt(
 
 
 def _check(tolerance: float, max_spans: int) -> None:
-    if not (tolerance > 0 and math.isfinite(tolerance)):
-        raise InputError(f"tolerance must be a finite number above 0, got {tolerance}")
+    checked_tolerance(tolerance)
     if not max_spans >= 1:
         raise InputError(f"max_spans must be 1 or more, got {max_spans!r}")
 

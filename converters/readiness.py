@@ -296,7 +296,7 @@ def _of_spline(name: str, quality: Any) -> Iterator[Seen]:
 
 def _crossings(inspection: Inspection, profile: Profile, size: float) -> tuple[list[Seen], dict[str, Any]]:
     """Faces that cross on a mesh of them, and how fine that is."""
-    resolution: dict[str, Any] = {"samples_of_edges": "33 to 257, 4 in each span"}
+    resolution: dict[str, Any] = {"samples_of_edges": "33 to 257, in equal steps"}
     if not profile["self-intersection"].active or not inspection.faces:
         return [], resolution
     from gtcad.converters.crossings import crossings

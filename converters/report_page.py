@@ -46,6 +46,7 @@ def outcome_section(outcome: Outcome, number: int, *, with_scene: bool, only: bo
     pieces = [
         element("h2", words.title_of(outcome), class_="only" if only else None),
         element("p", badge(state), " ", words.headline(outcome), class_=f"headline {state}"),
+        *(element("p", badge(mark), " ", text, class_="vouched") for mark, text in words.vouched(outcome)),
         element("dl", joined(pairs), class_="environment"),
         left_out if outcome.scene is not None and not with_scene else Markup(""),
         element("div", viewer(scene, outcome.tolerance, measured), shapes, class_="bench") if drawn else shapes,

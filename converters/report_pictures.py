@@ -45,7 +45,7 @@ def draw_scene(figure: Any, box: tuple[float, float, float, float], scene: Scene
         bar_axes = figure.add_axes((left + 0.25 * width, bottom + 0.09 * height, 0.5 * width, 0.025 * height))
         bar = figure.colorbar(scale, cax=bar_axes, orientation="horizontal")
         bar.ax.tick_params(labelsize=6, length=2, pad=1)
-        bar.ax.xaxis.get_offset_text().set_fontsize(6)
+        bar.ax.xaxis.get_offset_text().set(fontsize=6, x=1.1)  # beside the label
         bar.set_label("deviation, mm (sampled; positive on the side of the face's normal)", fontsize=6.5, labelpad=2)
 
 

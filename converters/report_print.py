@@ -141,6 +141,8 @@ def _section(outcome: Outcome, *, new_page: bool) -> Iterator[_Block]:
     state = words.state_of(outcome)
     yield _text(f"Check of {words.title_of(outcome)}", 14, weight="bold", breaks=new_page)
     yield _text(f"{_marked(state)}. {words.headline(outcome)}", 10, color=_COLOURS[state])
+    for mark, text in words.vouched(outcome):
+        yield _text(f"{_marked(mark)}: {text}", 8)
     yield _text("   ".join(f"{key}: {value}" for key, value in words.environment_of(outcome)), 7, color="#444444")
     if outcome.scene is not None and (outcome.scene.faces or outcome.scene.curves):
         yield _Block(_PICTURE, partial(_draw_picture, outcome))

@@ -115,9 +115,27 @@ def headline(outcome: Outcome) -> str:
     broken = sum(not statement.kept for statement in outcome.statements)
     if broken:
         sentences.append(f"The file does not hold what it states: {_counted(broken, 'statement')} broken.")
+    if outcome.verification is not None and not outcome.verification.verified:
+        sentences.append("Its certificate is not verified.")
     if not sentences:
         return f"Not checked: {outcome.message or f'the check ended with code {outcome.code}'}"
     return " ".join(sentences)
+
+
+def vouched(outcome: Outcome) -> list[tuple[str, str]]:
+    """What travels with the file, a mark and a line each: its certificate, by what it was verified, its statements."""
+    lines = []
+    if outcome.verification is not None:
+        found = outcome.verification
+        made = outcome.environment
+        by = f" (checked again by gtcad {made['gtcad']}, {made['kernel']})" if made else ""
+        lines.append(("verified" if found.verified else "unverified", found.words + by))
+    if outcome.statements:
+        count = sum(item.kept for item in outcome.statements)
+        of = f"{count} of {len(outcome.statements)}"
+        words = f"the file keeps {of} statements about areas, volumes, centres and points"
+        lines.append(("kept" if count == len(outcome.statements) else "broken", words))
+    return lines
 
 
 def statement(item: Statement) -> tuple[str, str, str]:

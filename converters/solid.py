@@ -19,7 +19,7 @@ from gtcad.errors import InputError, KernelError
 from gtcad.factors import CurveOfTerms
 from gtcad.measure import Estimate, volume
 from gtcad.patches.ruled import Ruled
-from gtcad.protocol import SeparableSurface
+from gtcad.protocol import SeparableSurface, checked_kind, checked_tolerance
 from gtcad.quilt import Quilt
 
 if TYPE_CHECKING:
@@ -92,6 +92,7 @@ def solid_of(fit: QuiltFit, *, caps: Caps = "none") -> Body:
     -----
     That the surface does not cross itself is not tested.
     """
+    _check_fit(fit)
     _check_quilt(fit.quilt, caps)
     return _solid(fit, _oriented(fit))
 
@@ -135,8 +136,8 @@ def thicken(fit: QuiltFit, thickness: float, *, tolerance: float, caps: Caps = "
     limit is estimated, and a margin of 1 % is kept. Not tested is whether parts of the wall that are far from each
     other on the surface meet in space. Of offsets over creases only samples are tested, and no volume.
     """
-    if not 0 < _number(tolerance) < math.inf:
-        raise InputError(f"tolerance must be a positive number of mm, got {tolerance!r}")
+    _check_fit(fit)
+    checked_tolerance(tolerance)
     if not 0 < abs(_number(thickness)) < math.inf:
         raise InputError(f"thickness must be a finite number of mm other than 0, got {thickness!r}")
     quilt = fit.quilt
@@ -152,6 +153,12 @@ def thicken(fit: QuiltFit, thickness: float, *, tolerance: float, caps: Caps = "
     if quilt.free:
         raise InputError(f"an open quilt with a crease cannot be thickened: it has one {place}")
     return _hollow(_solid(fit, _oriented(fit)), thickness, tolerance)
+
+
+def _check_fit(fit: object) -> None:
+    from gtcad.converters.quilt_fit import QuiltFit
+
+    checked_kind("fit", fit, QuiltFit, "a QuiltFit, as fit_quilt makes of a quilt")
 
 
 def _number(value: Any) -> float:

@@ -11,13 +11,17 @@ L. Ramshaw, Blossoms are polar forms, Comput. Aided Geom. Design 6 (1989) 323-35
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
-from gtcad.converters.bspline import BSplineCurve
+from gtcad.chebyshev import UNIT_ROUNDOFF
+from gtcad.converters.bspline import BSplineCurve, BSplineSurface
 from gtcad.errors import InputError
 
 Array = NDArray[np.float64]
+Bounds = tuple[float, float]
 
 
 def merged(before: BSplineCurve, after: BSplineCurve, order: int) -> BSplineCurve:
@@ -147,3 +151,88 @@ def _blossom(spline: BSplineCurve, arguments: Array, span: int) -> Array:
             share = (argument - low) / (high - low)
             points[j] = (1 - share) * points[j - 1] + share * points[j]
     return np.asarray(points[degree])
+
+
+# --- parts with bounds of their rounding ------------------------------------------------------------------------------
+
+
+def part_of_curve(spline: BSplineCurve, ends: Bounds) -> tuple[BSplineCurve, float]:
+    """The part over an interval of the domain, which may run backwards, and a bound of its rounding."""
+    start, end = _clipped(ends, spline.domain)
+    rounding = 0.0
+    if (start, end) != spline.domain:
+        rounding = _cutting(spline, spline.degree)
+        spline = cut(spline, start, end)
+    return (reversed_curve(spline) if ends[0] > ends[1] else spline), rounding
+
+
+def part_of_surface(spline: BSplineSurface, ranges: tuple[Bounds, Bounds]) -> tuple[BSplineSurface, float]:
+    """The part over a rectangle of the domain, which may run backwards, and a bound of its rounding."""
+    ends = [_clipped(bounds, own) for bounds, own in zip(ranges, spline.domain, strict=True)]
+    rounding = 0.0
+    if ends[0] != spline.domain[0]:
+        rounding += _cutting(spline, spline.degree_u)
+        spline = cut_surface(spline, ends[0][0], ends[0][1])
+    if ends[1] != spline.domain[1]:
+        rounding += _cutting(spline, spline.degree_v)
+        spline = cut_surface(spline.transposed(), ends[1][0], ends[1][1]).transposed()
+    if ranges[0][0] > ranges[0][1]:
+        spline = reversed_surface(spline)
+    if ranges[1][0] > ranges[1][1]:
+        spline = reversed_surface(spline.transposed()).transposed()
+    return spline, rounding
+
+
+def _clipped(ends: Bounds, domain: Bounds) -> Bounds:
+    start, end = (min(max(x, domain[0]), domain[1]) for x in sorted(ends))
+    return start, end
+
+
+def cut_surface(spline: BSplineSurface, start: float, end: float) -> BSplineSurface:
+    """The part over [start, end] of u."""
+    poles = spline.homogeneous
+    kept = cut_poles(spline.flat_knots_u, poles.reshape(len(poles), -1), spline.degree_u, start, end)
+    kept = kept.reshape(-1, *poles.shape[1:])
+    points, weights = (kept, None) if spline.weights is None else (kept[..., :-1] / kept[..., -1:], kept[..., -1])
+    inside = (spline.knots_u > start) & (spline.knots_u < end)
+    counts = [m for m, inner in zip(spline.multiplicities_u, inside, strict=True) if inner]
+    ends = [spline.degree_u + 1]
+    return replace(
+        spline,
+        control_points=points,
+        knots_u=np.array([start, *spline.knots_u[inside], end]),
+        multiplicities_u=(*ends, *counts, *ends),
+        weights=weights,
+    )
+
+
+def reversed_curve(spline: BSplineCurve) -> BSplineCurve:
+    """The same points from the other end."""
+    knots = spline.knots[0] + spline.knots[-1] - spline.knots[::-1]
+    knots[[0, -1]] = spline.knots[[0, -1]]
+    weights = None if spline.weights is None else spline.weights[::-1]
+    return BSplineCurve(spline.control_points[::-1], knots, spline.multiplicities[::-1], spline.degree, weights)
+
+
+def reversed_surface(spline: BSplineSurface) -> BSplineSurface:
+    """The same points with u running backwards."""
+    knots = spline.knots_u[0] + spline.knots_u[-1] - spline.knots_u[::-1]
+    knots[[0, -1]] = spline.knots_u[[0, -1]]
+    return replace(
+        spline,
+        control_points=spline.control_points[::-1],
+        knots_u=knots,
+        multiplicities_u=spline.multiplicities_u[::-1],
+        weights=None if spline.weights is None else spline.weights[::-1],
+    )
+
+
+def _cutting(spline: BSplineCurve | BSplineSurface, degree: int) -> float:
+    """Every pole is a chain of up to 2 p combinations of two, each with an error of at most 8 units of each coordinate.
+
+    A rational one has that of its weighted coordinates, and that of its weight times its size, over its weight.
+    """
+    size, growth = float(np.linalg.norm(spline.control_points, axis=-1).max()), 1.0
+    if spline.weights is not None:
+        growth = 2 * float(spline.weights.max() / spline.weights.min())
+    return 16 * degree * UNIT_ROUNDOFF * size * growth

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from gtcad._entries import ModelShape
+from gtcad._markings import Marking
 from gtcad.composite import Composite
 from gtcad.converters.flat_outline import Sheet, draw_pattern
 from gtcad.errors import InputError, NotDevelopable, ToleranceBelowPrecision, ToleranceNotMet
@@ -79,10 +80,13 @@ def unroll_model(
     Raises
     ------
     InputError
-        When there is no shape of such a name, or it is for construction.
+        When there is no shape of such a name, or it is for construction; when a marking leaves its patch, or cannot be
+        cut out.
     """
     shapes = model.in_millimetres()
     for name in only:
+        if name in model.construction:
+            raise InputError(f"the shape {name!r} is for construction: it is not unrolled")
         if name not in shapes:
             raise InputError(f"the model has no shape {name!r} to unroll; it has {', '.join(map(repr, shapes))}")
     for name, shape in shapes.items():
@@ -106,6 +110,21 @@ def curves_of(model: Model, only: Collection[str] = ()) -> list[str]:
     ]
 
 
+def idle_markings(model: Model) -> list[Marking]:
+    """The markings on shapes for construction, which are not unrolled."""
+    return [
+        marking
+        for marking in model.markings
+        if any(marking.on == name or _patch_of(marking, name, model) for name in model.construction)
+    ]
+
+
+def _patch_of(marking: Marking, quilt: str, model: Model) -> str:
+    """The name of the patch of a quilt that a marking is on; empty when it is on none of it."""
+    on = marking.on
+    return on.removeprefix(f"{quilt}.") if on not in model.shapes and on.startswith(f"{quilt}.") else ""
+
+
 def _unrolled(
     model: Model, name: str, shape: ModelShape, tolerance: float, bend_lines: int, twist_deg: float
 ) -> Unrolled:
@@ -118,7 +137,10 @@ def _unrolled(
         assert isinstance(shape, SeparableSurface)
         pattern = develop(shape, twist_deg=twist_deg)
     holes, marks = (_markings(model, name, pattern, hole) for hole in (True, False))
-    sheet = draw_pattern(pattern, tolerance=tolerance, name=name, bend_lines=bend_lines, holes=holes, marks=marks)
+    try:
+        sheet = draw_pattern(pattern, tolerance=tolerance, name=name, bend_lines=bend_lines, holes=holes, marks=marks)
+    except InputError as error:
+        raise InputError(f"shape {name!r}: {error}") from error
     return Unrolled(name, sheet, _facts(pattern))
 
 
@@ -141,12 +163,13 @@ def _markings(model: Model, name: str, pattern: FlatPattern | FlatStrip, hole: b
     """The curves that the model states on a shape, in the plane."""
     found = []
     for marking in model.markings:
-        on, patch = marking.on, ""
-        if isinstance(pattern, FlatStrip) and on not in model.shapes and on.startswith(f"{name}."):
-            on, patch = name, on.removeprefix(f"{name}.")
-        if marking.hole is not hole or on != name:
+        patch = _patch_of(marking, name, model) if isinstance(pattern, FlatStrip) else ""
+        if marking.hole is not hole or not (patch or marking.on == name):
             continue
         curve = model[marking.curve]
         assert isinstance(curve, SeparableCurve | Composite)
-        found.append(pattern.image(patch, curve) if isinstance(pattern, FlatStrip) else pattern.image(curve))
+        try:
+            found.append(pattern.image(patch, curve) if isinstance(pattern, FlatStrip) else pattern.image(curve))
+        except InputError as error:
+            raise InputError(f"shape {name!r}: marking {marking.curve!r} on {marking.on!r}: {error}") from error
     return found

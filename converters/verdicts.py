@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gtcad.converters.correspondence import Way, common_ranges, covers, part_way, whole_way
 from gtcad.converters.estimates import estimated
-from gtcad.converters.figures import Figure, areas_differ
+from gtcad.converters.figures import Figure, Piece, areas_differ
 from gtcad.converters.nearest import lattice
 
 Array = NDArray[np.float64]
@@ -108,22 +108,50 @@ def joined(*remarks: str) -> str:
     return "; ".join(dict.fromkeys(remark for remark in remarks if remark))
 
 
-def compared(name: str, figure: Figure, pieces: Sequence[Figure], tolerance: float) -> Row:
-    """Hold one or several pieces, which may be parts of the figure or reach it together, against a figure."""
+def compared(
+    name: str, figure: Figure, pieces: Sequence[Figure], tolerance: float, ways: list[Way] | None = None
+) -> Row:
+    """Hold one or several pieces, which may be parts of the figure or reach it together, against a figure.
+
+    The ways over these parts are looked for unless they are given.
+    """
     trimmed = any(piece.face is not None for piece in pieces)
     if any(piece.face is not None and np.isnan(piece.face.area) for piece in pieces):
         return Row(name, "undecided", remark="trimmed, and nothing is known of its boundary")
-    row, suspect = (None, None) if trimmed or figure.face is not None else _proof(name, figure, pieces, tolerance)
+    row, suspect = (None, None) if trimmed or figure.face is not None else _proof(name, figure, pieces, tolerance, ways)
     if row is None:
         row = _estimate(name, figure, pieces, tolerance, suspect)
     remark = joined(row.remark, f"held by {len(pieces)} parts" if len(pieces) > 1 else "")
     return replace(row, remark=remark)
 
 
+def compared_parts(
+    name: str, figure: Figure, group: Sequence[Piece], tolerance: float, ways: list[Way] | None = None
+) -> Row:
+    """Hold the parts of a file that stand for a figure against it: missing without any, invalid when one is."""
+    if not group:
+        return Row(name, "missing")
+    numbers = tuple(piece.index for piece in group)
+    if not all(piece.part.valid for piece in group):
+        return Row(name, "invalid", remark="the kernel calls it invalid", face=numbers)
+    return replace(compared(name, figure, [piece.figure for piece in group], tolerance, ways), face=numbers)
+
+
+def ways_over(figure: Figure, pieces: Sequence[Figure], tolerance: float) -> list[Way] | None:
+    """The ways over the parts of a figure that several pieces are; None where one of them runs otherwise."""
+    found = [part_way(figure, piece, tolerance) for piece in pieces]
+    ways = [way for way in found if way is not None]
+    if len(ways) < len(pieces):
+        return None
+    return common_ranges(ways, lambda axis: tolerance / float(figure.points.speed[axis]))
+
+
 # --- proofs -----------------------------------------------------------------------------------------------------------
 
 
-def _proof(name: str, figure: Figure, pieces: Sequence[Figure], tolerance: float) -> tuple[Row | None, Array | None]:
+def _proof(
+    name: str, figure: Figure, pieces: Sequence[Figure], tolerance: float, ways: list[Way] | None
+) -> tuple[Row | None, Array | None]:
     """The row if there is a proof; else parameters that are suspect, if any."""
     if len(pieces) == 1:
         way = whole_way(figure, pieces[0])
@@ -131,13 +159,9 @@ def _proof(name: str, figure: Figure, pieces: Sequence[Figure], tolerance: float
         if certificate.upper > tolerance:
             return None, np.array(certificate.place)
         deviation = certificate.lower, certificate.upper
-        return _proved(name, [way], deviation, way.method, tolerance, np.array(certificate.place)), None
-    found = [part_way(figure, piece, tolerance) for piece in pieces]
-    ways = [way for way in found if way is not None]
-    if len(ways) < len(pieces):
-        return None, None
-    ways = common_ranges(ways, lambda axis: tolerance / float(figure.points.speed[axis]))
-    if not covers(ways):
+        return _proved(name, [way], deviation, way.method, tolerance), None
+    ways = ways_over(figure, pieces, tolerance) if ways is None else ways
+    if ways is None or not covers(ways):
         return None, None
     certificates = [way.certificate(tolerance) for way in ways]
     worst = max(certificates, key=lambda one: one.lower)
@@ -145,12 +169,10 @@ def _proof(name: str, figure: Figure, pieces: Sequence[Figure], tolerance: float
     if upper > tolerance:
         return None, np.array(worst.place)
     method = " and ".join(dict.fromkeys(way.method for way in ways)) + " of parts that cover it"
-    return _proved(name, ways, (worst.lower, upper), method, tolerance, None), None
+    return _proved(name, ways, (worst.lower, upper), method, tolerance), None
 
 
-def _proved(
-    name: str, ways: Sequence[Way], deviation: tuple[float, float], method: str, tolerance: float, place: Array | None
-) -> Row:
+def _proved(name: str, ways: Sequence[Way], deviation: tuple[float, float], method: str, tolerance: float) -> Row:
     figure = ways[0].figure
     grid = lattice(*[np.linspace(0.0, 1.0, _LINES[figure.variables])] * figure.variables)
     places = np.concatenate([way.parameters(grid) for way in ways])

@@ -11,7 +11,7 @@ from gtcad import _check_tables as check_tables
 from gtcad import _options as options
 from gtcad import _tables as tables
 from gtcad._command import JsonOption, guarded, option, print_json
-from gtcad._export_command import check_output
+from gtcad._export_command import check_folder, check_output
 from gtcad._tables import printable
 from gtcad.errors import InputError, ModelError
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from gtcad.converters.outcome import Job, Outcome
 
 FilesArgument = Annotated[
-    list[str] | None, typer.Argument(metavar="FILE...", help="One or more .step, .stp, .igs, .iges, .brep files.")
+    list[str] | None, typer.Argument(metavar="FILE", help="One or more .step, .stp, .igs, .iges, .brep files.")
 ]
 AgainstOption = Annotated[
     str, typer.Option("--against", metavar="OTHER", help="The model that the files were made from, or another file.")
@@ -101,6 +101,8 @@ def check(
     }
     if report:
         option("--report", options.report_path, report)
+    if scheduler:
+        option("--scheduler", options.scheduler, scheduler)
     limits = {"timeout": option("--timeout", options.seconds, timeout), "memory": option("--memory", _memory, memory)}
     workers = option("--jobs", lambda text: options.whole_number(text, 1, MOST_JOBS), jobs or "1")
     several = bool(manifest or scheduler or resume or jobs or len(files or ()) > 1)
@@ -114,17 +116,19 @@ def check(
     default: dict[str, Any] = {"against": against, "tolerance": tolerance, "profile": profile}
     todo = [_job(file, **default, **settings) for file in files or ()]
     if manifest:
-        option("--manifest", options.model_path, manifest)
+        option("--manifest", options.list_path, manifest)
         if not tolerance and against:
             _tolerance(against, tolerance)
         todo = _listed(manifest, default, settings)
+    if report:
+        check_folder(report)
     if several:
         code = _check_many(todo, report, as_json=as_json, workers=workers, scheduler=scheduler, log=resume, **limits)
     else:
         outcome = _check_one(todo[0], report, as_json=as_json, in_process=in_process, claimed=claimed, **limits)
         if write_certificate:
             _certify(outcome, write_certificate)
-        code = outcome.code if claimed is None else _verified(claimed, outcome, as_json=as_json)
+        code = outcome.code
     if code:
         raise typer.Exit(code)
 
@@ -148,7 +152,7 @@ def _refuse_pairs(
     if manifest and files:
         refuse("takes the place of FILE", "--manifest")
     if not manifest and not files:
-        refuse("is missing: name a file, or a --manifest", "FILE...")
+        refuse("is missing: name a file, or a --manifest", "FILE")
     if report and resume:
         refuse("cannot be made from a log: leave out --resume", "--report")
     if scheduler and jobs:
@@ -190,16 +194,14 @@ def _claimed(path: str, against: str, tolerance: str) -> tuple[FileCertificate, 
     return claimed, against or model_beside(claimed, path), tolerance or repr(claimed.tolerance)
 
 
-def _verified(claimed: FileCertificate, outcome: Outcome, *, as_json: bool) -> int:
-    """Say whether the certificate is verified, unless JSON has said it; the exit code."""
-    from gtcad.converters.file_certificate import disagreements
-
-    problems = disagreements(claimed, outcome)
-    for problem in problems:
+def _say_verified(outcome: Outcome, *, as_json: bool) -> None:
+    """Say whether the certificate is verified, unless JSON has said it."""
+    if outcome.verification is None:
+        return
+    for problem in outcome.verification.problems:
         tables.message(f"Error: the certificate is not verified: {problem}")
-    if not (problems or outcome.code or as_json):
-        print(printable(check_tables.verified(claimed)))
-    return outcome.code or (1 if problems else 0)
+    if not (outcome.code or as_json):
+        print(printable(outcome.verification.words))
 
 
 def _certify(outcome: Outcome, path: str) -> None:
@@ -255,7 +257,9 @@ def _job(
 
 def _tolerance(against: str, tolerance: str) -> float | None:
     if not against and tolerance:
-        raise typer.BadParameter("is for --against: say what the file is to be compared with", param_hint="'--against'")
+        raise typer.BadParameter(
+            "is for --against: say what the file is to be compared with", param_hint="'--tolerance'"
+        )
     if against and not tolerance:
         raise typer.BadParameter("is missing: --against needs a tolerance", param_hint="'--tolerance'")
     return option("--tolerance", options.length, tolerance) if tolerance else None
@@ -290,8 +294,12 @@ def _check_one(
 
     check_files(job)  # what is missing or empty is known before a process is started
     outcome = run_job(job) if in_process else Runner(**limits).run(run_job, job)
+    if claimed is not None:
+        from gtcad.converters.file_certificate import verified
+
+        outcome = verified(claimed, outcome)
     if as_json:
-        print_json(**outcome.as_data() | _verification(claimed, outcome))
+        print_json(**outcome.as_data())
     else:
         if outcome.report is not None:
             check_tables.print_report(outcome.report)
@@ -302,18 +310,9 @@ def _check_one(
 
             check_tables.print_statements(outcome.statements, statement)
     _warn(outcome)
+    _say_verified(outcome, as_json=as_json)
     _write_report(report, [outcome])
     return outcome
-
-
-def _verification(claimed: FileCertificate | None, outcome: Outcome) -> dict[str, Any]:
-    """What the JSON says of a certificate."""
-    if claimed is None:
-        return {}
-    from gtcad.converters.file_certificate import disagreements
-
-    problems = list(disagreements(claimed, outcome))
-    return {"certificate": {"created": claimed.created, "verified": not problems, "problems": problems}}
 
 
 def _check_many(todo: list[Job], report: str, *, as_json: bool, scheduler: str, log: str, **settings: Any) -> int:

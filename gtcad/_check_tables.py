@@ -12,7 +12,6 @@ from gtcad._tables import NAME, interval, print_table, printable
 if TYPE_CHECKING:
     from gtcad.continuity import JoinReport
     from gtcad.converters.check import Report
-    from gtcad.converters.file_certificate import FileCertificate
     from gtcad.converters.readiness import Criterion, Finding, Readiness
     from gtcad.converters.stated_check import Statement
 
@@ -69,14 +68,6 @@ def print_statements(statements: Sequence[Statement], words: Callable[[Statement
     if statements:
         count = len(statements) - len(broken)
         print(f"the file keeps {count} of {len(statements)} statements about areas, volumes, centres and points")
-
-
-def verified(certificate: FileCertificate) -> str:
-    """What a verified certificate says, in one line."""
-    estimated = sum(shape.verdict == "estimated" for shape in certificate.shapes)
-    counts = [f"{len(certificate.shapes) - estimated} proved", *([f"{estimated} estimated"] if estimated else [])]
-    found = f"{' and '.join(counts)} within {certificate.tolerance:g} mm"
-    return f"the certificate of {certificate.created} is verified: {found}"
 
 
 _LEVELS = {"error": "error", "warning": "warning", "info": "note"}

@@ -80,6 +80,8 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
 
 def _end(error: BaseException) -> NoReturn:
     code = next((code for types, code in _CODES if isinstance(error, types)), Code.INTERNAL)
+    if _interrupted(error):
+        code = Code.INTERRUPTED
     if _debug:
         import traceback
 
@@ -90,6 +92,13 @@ def _end(error: BaseException) -> NoReturn:
     elif code not in (Code.INTERRUPTED, Code.PIPE):
         tables.message("\n".join(f"Error: {line}" for line in str(error).split("\n")))
     raise typer.Exit(int(code))
+
+
+def _interrupted(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is behind an error: kernels and other extensions that it stops while they load say otherwise."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def option(name: str, convert: Callable[[str], Value], text: str) -> Value:

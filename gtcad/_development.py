@@ -32,6 +32,8 @@ _Vectors = Callable[[Array, int], Array]
 
 _VANISHES = 1e-12  # of the largest value: a vector as short as this is 0
 _SAMPLES = 257
+_HALVINGS = 48
+_TURNED = 1e-6  # of its size beside: a vector as short, found by bisection, is 0
 _FOLDED = 1e-10  # of the largest speed: what runs back by less is rounding
 _QUOTIENT = 100  # nodes of the quadrature of a vector over its distance from a zero
 
@@ -77,19 +79,27 @@ class Frame:
 class Rulings:
     """The straight lines of a patch that is linear in v, or in u.
 
+    Parameters
+    ----------
+    patch
+        In the plane or in space.
+    in_u
+        Whether the lines in u are meant where the patch is linear in both.
+
     Raises
     ------
     NotDevelopable
         When the patch is linear in neither.
     """
 
-    def __init__(self, patch: SeparableSurface) -> None:
+    def __init__(self, patch: SeparableSurface, *, in_u: bool = False) -> None:
         if patch.dimension not in (2, 3):
             raise InputError(f"a patch must be in the plane or in space, got dimension {patch.dimension}")
         self.patch = patch
-        self.along_v = _linear(patch, 1)
-        if not self.along_v and not _linear(patch, 0):
+        straight = straight_in(patch)
+        if not straight:
             raise NotDevelopable("the patch is straight in neither parameter: only ruled patches can be unrolled")
+        self.along_v = straight == "v" or (straight == "uv" and not in_u)
 
     @property
     def across(self) -> str:
@@ -124,15 +134,13 @@ class Rulings:
         NotDevelopable
             When a ruling vanishes between the ends, or has no tangent plane.
         """
-        t = np.linspace(0.0, 1.0, _SAMPLES)
         for what, vectors in (
             ("ruling has no length", self.ruling),
             ("line through the middles is still", self.middle),
         ):
-            sizes = np.linalg.norm(vectors(t, 0), axis=1)
-            inside = np.flatnonzero(sizes[1:-1] <= _VANISHES * sizes.max()) + 1
-            if inside.size:
-                raise NotDevelopable(f"{what} at {self.across} = {t[inside[0]]:.6g}", parameter=float(t[inside[0]]))
+            place = _zero_inside(vectors)
+            if place is not None:
+                raise NotDevelopable(f"{what} at {self.across} = {place:.6g}", parameter=place)
         return [0.0, 0.5, 1.0] if len({end for _, end in self._zeros}) == 2 else [0.0, 1.0]
 
     @cached_property
@@ -174,8 +182,32 @@ class Rulings:
         return vectors(t, 0), vectors(t, 1)
 
 
+def _zero_inside(vectors: _Vectors) -> float | None:
+    """Where vectors vanish between the ends, at a sample, or between two samples and turn back there; or None."""
+    t = np.union1d(np.linspace(0.0, 1.0, _SAMPLES), (nodes(_SAMPLES) + 1) / 2)  # the latter are dense at the ends
+    values = vectors(t, 0)
+    sizes = np.linalg.norm(values, axis=1)
+    level = _VANISHES * float(sizes.max())
+    inside = np.flatnonzero(sizes[1:-1] <= level) + 1
+    places = [float(t[inside[0]])] if inside.size else []
+    back = (_dot(values[1:], values[:-1]) < 0) & (sizes[1:] > level) & (sizes[:-1] > level)
+    for k in np.flatnonzero(back):
+        low, high, along = t[k], t[k + 1], values[k + 1] - values[k]
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2
+            low, high = (middle, high) if vectors(np.array([middle]), 0)[0] @ along < 0 else (low, middle)
+        if np.linalg.norm(vectors(np.array([high]), 0)[0]) <= _TURNED * sizes[k : k + 2].max():
+            places.append(float(high))
+    return min(places, default=None)
+
+
 def _dot(a: Array, b: Array) -> Array:
     return np.asarray(np.einsum("td,td->t", a, b))
+
+
+def straight_in(patch: SeparableSurface) -> str:
+    """The parameters that a patch is linear in: "", "u", "v" or "uv"."""
+    return "".join(name for direction, name in enumerate("uv") if _linear(patch, direction))
 
 
 def _linear(patch: SeparableSurface, direction: int) -> bool:

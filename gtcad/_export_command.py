@@ -178,8 +178,15 @@ def check_output(model: str, output: str, name: str = "--output") -> None:
     with contextlib.suppress(OSError, ValueError):
         if os.path.samefile(model, output):
             raise typer.BadParameter(f"is the model itself: {output!r}", param_hint=f"'{name}'")
+    check_folder(output)
+
+
+def check_folder(output: str) -> None:
+    """Refuse a file to write that has no folder or is one, before there is any work to be lost."""
     folder = os.path.dirname(output) or "."
     if not os.path.isdir(folder):
         raise errors.FileError(output, f"cannot be written: there is no folder {folder!r}")
+    if not os.access(folder, os.W_OK):
+        raise errors.FileError(output, f"cannot be written: the folder {folder!r} is read-only for you")
     if os.path.isdir(output):
         raise errors.FileError(output, "is a folder")

@@ -21,10 +21,12 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         When the folder does not exist or cannot be written to.
     """
     target = Path(path)
-    if target.is_dir():
-        raise FileError(str(path), "is a folder")
     try:
+        if target.is_dir():
+            raise FileError(str(path), "is a folder")
         handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent)
+    except FileError:
+        raise
     except OSError as error:
         raise FileError(str(path), f"cannot be written: {error.strerror}") from error
     os.close(handle)

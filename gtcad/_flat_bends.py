@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -33,12 +34,45 @@ class BendLine:
     angle_deg
         The angle that the sheet turns by over the share of the line, half way to its neighbours: above 0 towards
         the viewer of the pattern.
+    holes
+        The parts of the line that lie in holes, each from and to a fraction of its length, in their order.
     """
 
     parameter: float
     start: tuple[float, float]
     end: tuple[float, float]
     angle_deg: float
+    holes: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def pieces(self) -> tuple[tuple[tuple[float, float], tuple[float, float]], ...]:
+        """Start and end of each part that lies in the sheet: of the whole line where there are no holes."""
+        cuts = [0.0, *(cut for hole in self.holes for cut in hole), 1.0]
+        return tuple((self._at(a), self._at(b)) for a, b in zip(cuts[::2], cuts[1::2], strict=True) if a < b)
+
+    def _at(self, part: float) -> tuple[float, float]:
+        (x, y), (z, w) = self.start, self.end
+        return (1 - part) * x + part * z, (1 - part) * y + part * w
+
+
+def checked_count(count: object) -> int:
+    """A number of bend lines."""
+    if not isinstance(count, int) or isinstance(count, bool) or count < 0:
+        raise InputError(f"count must be a whole number from 0, got {count!r}")
+    return count
+
+
+def shared_out(count: int, turning: Sequence[float]) -> list[int]:
+    """That many bend lines for parts that turn by such angles: in proportion, and just as many in all."""
+    whole = math.fsum(turning)
+    if whole <= _FLAT:
+        return [0] * len(turning)
+    due = [count * angle / whole for angle in turning]
+    shares = [math.floor(share) for share in due]
+    short = sorted(range(len(due)), key=lambda k: shares[k] - due[k])
+    for k in short[: count - sum(shares)]:
+        shares[k] += 1
+    return shares
 
 
 class Turning:
@@ -73,8 +107,7 @@ class Turning:
 
     def equal(self, count: int | None) -> tuple[Array, Array]:
         """Parameters in the middle of equal shares of all turning, and the signed angles of the shares in degrees."""
-        if not isinstance(count, int) or isinstance(count, bool) or count < 0:
-            raise InputError(f"count must be a whole number from 0, got {count!r}")
+        count = checked_count(count)
         if count == 0 or self.total <= _FLAT:
             return np.zeros(0), np.zeros(0)
         shares = np.interp(self.total * np.linspace(0.0, 1.0, 2 * count + 1), self.sums, self.t)

@@ -37,32 +37,64 @@ class Crossing:
 
 
 def first_crossing(polygon: Array) -> Crossing | None:
-    """The first crossing of two sides of a closed polygon, shape (n, 2), that do not follow each other; or None."""
+    """The crossing of two sides of a closed polygon, shape (n, 2), that is first along its longer extent; or None."""
     count, tail = len(polygon), np.roll(polygon, -1, axis=0)
-    size = float(np.ptp(polygon, axis=0).max())
-    kept = np.flatnonzero(np.linalg.norm(tail - polygon, axis=1) > 1e-9 * size)
+    extent = np.ptp(polygon, axis=0)
+    size, axis = float(extent.max()), int(extent.argmax())
     low, high = np.minimum(polygon, tail), np.maximum(polygon, tail)
-    for i in kept:
-        others = kept[kept > i]
-        near = (low[others] < high[i]).all(axis=1) & (high[others] > low[i]).all(axis=1)
-        others = others[near]
-        if others.size == 0:
-            continue
-        p, d = polygon[i], tail[i] - polygon[i]
-        q, f = polygon[others], tail[others] - polygon[others]
-        level = 1e-9 * size * np.linalg.norm(d)
-        a, b = _cross(d, q - p), _cross(d, q + f - p)
-        g, h = _cross(f, p - q), _cross(f, p + d - q)
-        levels = 1e-9 * size * np.linalg.norm(f, axis=1)
-        crossing = (a * b < 0) & (np.minimum(abs(a), abs(b)) > level)
-        crossing &= (g * h < 0) & (np.minimum(abs(g), abs(h)) > levels)
-        if crossing.any():
-            k = int(np.flatnonzero(crossing)[0])
-            along = g[k] / (g[k] - h[k])
-            x, y = (p + along * d).tolist()
-            other = (others[k] + a[k] / (a[k] - b[k])) / count
-            return Crossing((x, y), (float((i + along) / count), float(other)))
+    kept = np.flatnonzero(np.linalg.norm(tail - polygon, axis=1) > 1e-9 * size)
+    kept = kept[low[kept, axis].argsort(kind="stable")]
+    beyond = np.searchsorted(low[kept, axis], high[kept, axis])  # sides from there on begin behind the end of a side
+    for rank, i in enumerate(kept):
+        others = kept[rank + 1 : beyond[rank]]
+        others = others[(low[others, 1 - axis] < high[i, 1 - axis]) & (high[others, 1 - axis] > low[i, 1 - axis])]
+        found = _side_crossed((polygon[i], tail[i]), (polygon[others], tail[others]), size)
+        if found is not None:
+            k, along, across = found
+            x, y = (polygon[i] + along * (tail[i] - polygon[i])).tolist()
+            first, second = sorted([float(i + along) / count, float(others[k] + across) / count])
+            return Crossing((x, y), (first, second))
     return None
+
+
+def crossing_point(one: Array, other: Array) -> tuple[float, float] | None:
+    """A point where two closed polygons, shapes (n, 2) and (m, 2), cross each other; None where they do nowhere."""
+    size = float(np.ptp(np.concatenate([one, other]), axis=0).max())
+    tail, others = np.roll(one, -1, axis=0), np.roll(other, -1, axis=0)
+    for start, end in zip(one, tail, strict=True):
+        found = _side_crossed((start, end), (other, others), size)
+        if found is not None:
+            x, y = (start + found[1] * (end - start)).tolist()
+            return x, y
+    return None
+
+
+def inside_of(polygon: Array, points: Array) -> NDArray[np.bool_]:
+    """Which points, shape (k, 2), a closed polygon, shape (n, 2), goes around; next to it rounding decides."""
+    (x, y), (z, w) = polygon.T, np.roll(polygon, -1, axis=0).T
+    result = np.zeros(len(points), dtype=bool)
+    for k, (px, py) in enumerate(points):
+        beside = (y > py) != (w > py)
+        reached = x[beside] + (py - y[beside]) * (z[beside] - x[beside]) / (w[beside] - y[beside])
+        result[k] = np.count_nonzero(px < reached) % 2
+    return result
+
+
+def _side_crossed(
+    side: tuple[Array, Array], others: tuple[Array, Array], size: float
+) -> tuple[int, float, float] | None:
+    """Which one of other segments a segment crosses first, by more than rounding, and how far along both of them."""
+    p, d = side[0], side[1] - side[0]
+    q, f = others[0], others[1] - others[0]
+    level, levels = (1e-9 * size * np.linalg.norm(along, axis=-1) for along in (d, f))
+    a, b = _cross(d, q - p), _cross(d, q + f - p)
+    g, h = _cross(f, p - q), _cross(f, p + d - q)
+    crossing = (a * b < 0) & (np.minimum(abs(a), abs(b)) > level)
+    crossing &= (g * h < 0) & (np.minimum(abs(g), abs(h)) > levels)
+    if not crossing.any():
+        return None
+    k = int(np.flatnonzero(crossing)[0])
+    return k, float(g[k] / (g[k] - h[k])), float(a[k] / (a[k] - b[k]))
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -171,6 +171,20 @@ def model_path(path: str) -> str:
     return path
 
 
+def list_path(path: str) -> str:
+    """The name of a list of files."""
+    if Path(path).suffix.lower() not in SUFFIXES:
+        raise Refused(f"must be a list of checks, ending in {' or '.join(SUFFIXES)}, got {path!r}")
+    return path
+
+
+def scheduler(address: str) -> str:
+    """The address of a dask scheduler: ``tcp://host:8786``, or without the protocol."""
+    if not re.fullmatch(r"(?:[a-z]+://)?[^\s/]+:[0-9]{1,5}", address):
+        raise Refused(f"must be the address of a scheduler, such as tcp://host:8786, got {address!r}")
+    return address
+
+
 def is_model(path: str) -> bool:
     """Whether a file is a model, by the suffix of its name."""
     return Path(path).suffix.lower() in SUFFIXES

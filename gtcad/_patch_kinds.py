@@ -54,13 +54,12 @@ def list_of(things: str) -> checks.Check:
 
 
 Placement = Annotated[
-    list[Annotated[list[float], Field(min_length=4, max_length=4)]] | None,
+    Annotated[list[Annotated[list[float], Field(min_length=4, max_length=4)]], Field(min_length=3, max_length=3)]
+    | None,
     BeforeValidator(checks.optional(checks.placement)),
     Field(
         default=None,
         description="Three rows [a, b, c, d] of an affine map that moves the patch: x' = a x + b y + c z + d, ...",
-        min_length=3,
-        max_length=3,
     ),
 ]
 

@@ -184,10 +184,10 @@ def _sizes(shape: Mapping[str, Any]) -> list[str]:
     return [product(shape["degree"]) or "-", product(shape["poles"]) or "-"]
 
 
-def size(box: Mapping[str, list[float]] | None, box_of: str) -> str:
-    """The lengths of the sides of a box in mm, and what it is a box of."""
+def size(box: Mapping[str, list[float]] | None, box_of: str, shapes: int) -> str:
+    """The lengths of the sides of a box in mm, and what it is a box of; of no box why there is none."""
     if box is None:
-        return "none: it holds no shapes"
+        return "none: all its shapes are for construction" if shapes else "none: it holds no shapes"
     sides = (most - least for least, most in zip(box["least"], box["most"], strict=True))
     return " x ".join(f"{side:.6g}" for side in sides) + f" mm ({box_of})"
 

@@ -17,7 +17,7 @@ ToleranceOption = Annotated[
     str, typer.Option("--tolerance", metavar="LENGTH", help="Of the drawing, in mm, or with a unit: 1e-3, 0.5um.")
 ]
 BendLinesOption = Annotated[
-    str, typer.Option("--bend-lines", metavar="N", help="How many rulings to draw on each pattern.")
+    str, typer.Option("--bend-lines", metavar="N", help="How many rulings to draw on each pattern; 0 for none.")
 ]
 ShapeOption = Annotated[
     list[str],
@@ -34,7 +34,7 @@ def unroll(
     *,
     output: OutputOption,
     tolerance: ToleranceOption = "0.01",
-    bend_lines: BendLinesOption = "0",
+    bend_lines: BendLinesOption = "12",
     shape: ShapeOption = [],  # noqa: B006 - typer copies it
     twist: TwistOption = "1e-6",
     as_json: JsonOption = False,
@@ -49,7 +49,7 @@ def unroll(
 
     from gtcad.converters.flat import write_dxf, write_svg
     from gtcad.converters.flat_outline import arranged
-    from gtcad.converters.unroll import curves_of, unroll_model
+    from gtcad.converters.unroll import curves_of, idle_markings, unroll_model
     from gtcad.model import load_model
 
     content = load_model(model)
@@ -59,7 +59,9 @@ def unroll(
         raise errors.ModelError(model, [str(error)]) from error
     left_out = curves_of(content, shape)
     if not found:
-        raise errors.ModelError(model, ["it has no surfaces to unroll"])
+        curves = ", ".join(map(repr, left_out))
+        reason = f"curves have no flat pattern: --shape names {curves}" if shape else "it has no surfaces to unroll"
+        raise errors.ModelError(model, [reason])
     failures = [one for one in found if one.sheet is None]
     if not failures:
         sheets = arranged([one.sheet for one in found if one.sheet is not None])
@@ -71,6 +73,8 @@ def unroll(
         tables.print_table(tables.FLAT_COLUMNS, [tables.flat_row(row) for row in rows])
     for name in left_out:
         tables.message(f"Warning: curves have no flat pattern: {name!r} is left out")
+    for marking in idle_markings(content):
+        tables.message(f"Warning: {marking.curve!r} is not drawn: {marking.on!r} is for construction")
     for row in rows:
         if row.get("overlap"):
             x, y = row["overlap"]

@@ -154,8 +154,9 @@ def checked_gamma(name: str, gamma: Sequence[float], family: Family) -> Gamma:
     Raises
     ------
     InputError
-        When one is outside [-1, 1] (the basis would turn negative there) or the family takes none.
+        When one is outside [-1, 1] (the basis would turn negative there), the family takes none, or it is no family.
     """
+    _check_family(family)
     try:
         values = tuple(float(g) for g in gamma)
     except (TypeError, ValueError):
@@ -170,6 +171,11 @@ def checked_gamma(name: str, gamma: Sequence[float], family: Family) -> Gamma:
             f"{name} must be left at (0, 0): the family {family.name} takes no design variables, got {values}"
         )
     return values[0] + 0.0, values[1] + 0.0  # -0.0 and 0.0 are one basis
+
+
+def _check_family(family: object) -> None:
+    if not isinstance(family, Family):
+        raise InputError(f"family must be a Family, such as gtcad.GT or gtcad.BERNSTEIN, got {family!r}")
 
 
 def is_whole(value: object) -> bool:
@@ -245,6 +251,7 @@ class Basis:
     family: Family = field(default=GT)
 
     def __post_init__(self) -> None:
+        _check_family(self.family)
         least = self.family.minimum_degree
         if not is_whole(self.degree) or not least <= self.degree <= MAX_DEGREE:
             allowed = f"in [{least}, {MAX_DEGREE}] for the family {self.family.name}"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gtcad.differential import ParametricSurface
 from gtcad.errors import InputError
-from gtcad.measure import Estimate, area, over_square, volume
+from gtcad.measure import Estimate, area, domain_of, over_domain, volume
 
 Array = NDArray[np.float64]
 
@@ -62,7 +62,7 @@ def area_centroid(surfaces: ParametricSurface | Iterable[ParametricSurface], *, 
             offset = surface.derivative(u, v, (0, 0))[..., axis] - base[axis]
             return np.asarray((size + offset) * np.linalg.norm(_crossed(surface, u, v), axis=-1))
 
-        return over_square(integrand, rtol)
+        return over_domain(surface, integrand, rtol)
 
     return _divided(every, moment, _total(areas), base, [size * own for own in areas])
 
@@ -103,7 +103,7 @@ def volume_centroid(surfaces: ParametricSurface | Iterable[ParametricSurface], *
             offset, normal = surface.derivative(u, v, (0, 0))[..., axis] - base[axis], _crossed(surface, u, v)
             return np.asarray(size**2 * np.linalg.norm(normal, axis=-1) + offset**2 * normal[..., axis] / 2)
 
-        return over_square(integrand, rtol)
+        return over_domain(surface, integrand, rtol)
 
     whole = volume(every, origin=base, rtol=rtol)
     return _divided(every, moment, whole, base, [size**2 * own for own in areas])
@@ -121,7 +121,7 @@ def vector_area(surface: ParametricSurface, *, rtol: float = 1e-12) -> Array:
             normal = _crossed(only, u, v)
             return np.asarray(np.linalg.norm(normal, axis=-1) + normal[..., axis])
 
-        return over_square(integrand, rtol)
+        return over_domain(only, integrand, rtol)
 
     return np.array([component(axis) for axis in range(3)]) - area(only, rtol=rtol)
 
@@ -143,7 +143,10 @@ def _box(surfaces: list[ParametricSurface]) -> tuple[Array, float]:
     no accuracy relative to what is all but 0 is wanted.
     """
     places = np.linspace(0.1, 0.9, 5)
-    points = [surface.derivative(places[:, None], places[None, :], (0, 0)).reshape(-1, 3) for surface in surfaces]
+    points = []
+    for surface in surfaces:
+        u, v = (first + (last - first) * places for first, last in domain_of(surface))
+        points.append(surface.derivative(u[:, None], v[None, :], (0, 0)).reshape(-1, 3))
     least, most = np.min([p.min(axis=0) for p in points], axis=0), np.max([p.max(axis=0) for p in points], axis=0)
     return (least + most) / 2, float(np.linalg.norm(most - least)) / 2
 

@@ -83,16 +83,15 @@ def info(
     form = option("FILE", options.any_format, file)
 
     from gtcad.converters import jobs
+    from gtcad.converters.descriptions import describe_model, describe_parts
     from gtcad.model import load_model
 
     is_model = form == "MODEL"
-    content = (
-        jobs.describe_model(load_model(file)) if is_model else jobs.describe_parts(jobs.read_parts(file, form), form)
-    )
+    content = describe_model(load_model(file)) if is_model else describe_parts(jobs.read_parts(file, form), form)
     if as_json:
         print_json(file=file, **content)
         return
-    size = tables.size(content["box"], content["box_of"])
+    size = tables.size(content["box"], content["box_of"], len(content["shapes"]))
     print(f"{tables.printable(file)}: {content['format']}, unit {content['unit']}, size {size}")
     if content["shapes"]:
         row = tables.model_row if is_model else tables.part_row

@@ -26,7 +26,7 @@ from gtcad.curve import Curve
 from gtcad.errors import InputError
 from gtcad.extremes import curvature_extremes
 from gtcad.measure import Estimate, curvature_energy, length
-from gtcad.protocol import SeparableCurve
+from gtcad.protocol import SeparableCurve, checked_kind
 
 Array = NDArray[np.float64]
 
@@ -127,6 +127,8 @@ def spans(curve: Derivable) -> tuple[Span, ...]:
         return tuple(Span(float(i), i + 1.0, piece) for i, piece in enumerate(curve.pieces))
     if isinstance(curve, SeparableCurve):
         return (Span(*curve.domain, curve),)
+    if not hasattr(curve, "domain"):
+        raise InputError(f"curve must be a curve, a chain or a spline, got {type(curve).__name__}")
     first, last = curve.domain
     bounds = [first, *_rough_knots(curve), last]
     return tuple(Span(a, b, Part(curve, a, b)) for a, b in pairwise(bounds))
@@ -250,7 +252,7 @@ class GammaVariant:
         ``int kappa^2 ds``, in the inverse of the unit.
     curvature_range
         Smallest and largest curvature, in the plane with a sign, in the inverse of the unit: of 1000 samples and the
-        stations of ``gtcad.queries.curvature_extremes``, so estimated. NaN when a sample is a cusp.
+        stations of ``gtcad.extremes.curvature_extremes``, so estimated. NaN when a sample is a cusp.
     """
 
     curve: Curve
@@ -315,6 +317,7 @@ def gamma_study(
     >>> [round(value, 9) for value in study.rows()[0]]
     [0.0, 0.0, 1.570796327, 1.570796327, 1.0, 1.0]
     """
+    checked_kind("curve", curve, Curve, "a Curve")
     if not curve.family.takes_gamma:
         raise InputError(f"the family {curve.family.name} takes no design variables: there is nothing to study")
     first, second = (tuple(np.atleast_1d(np.asarray(values)).tolist()) for values in (gamma_1, gamma_2))

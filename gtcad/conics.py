@@ -137,7 +137,19 @@ class Arc(Composite):
 
 
 def ellipse(center: ArrayLike, axis_a: ArrayLike, axis_b: ArrayLike) -> Arc:
-    """The whole ellipse with two conjugate half diameters, from the end of the first one on.
+    """The whole ellipse with two conjugate half diameters, from the end of the first one on, as a chain of quarters.
+
+    Parameters
+    ----------
+    center
+        Shape (2,) or (3,), in the model's unit.
+    axis_a, axis_b
+        The half diameters as vectors, not parallel; at right angles they are the half axes.
+
+    Raises
+    ------
+    InputError
+        When an argument is out of its range.
 
     Examples
     --------
@@ -148,7 +160,21 @@ def ellipse(center: ArrayLike, axis_a: ArrayLike, axis_b: ArrayLike) -> Arc:
 
 
 def circle(center: ArrayLike, radius: float, normal: ArrayLike | None = None) -> Arc:
-    """The whole circle, counterclockwise; parameters and angle 0 as of ``arc``.
+    """The whole circle, counterclockwise from angle 0 of ``arc``, as a closed chain of quarters.
+
+    Parameters
+    ----------
+    center
+        Shape (2,) or (3,), in the model's unit.
+    radius
+        Above 0.
+    normal
+        Of the plane, of any length, for a center in space: z unless given.
+
+    Raises
+    ------
+    InputError
+        When an argument is out of its range.
 
     Examples
     --------

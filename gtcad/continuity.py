@@ -324,12 +324,32 @@ def join_nearest(curve: Derivable, wanted: Curve, order: str) -> tuple[Curve, Sc
 def check_join(a: Derivable, b: Derivable, *, thresholds: Thresholds = Thresholds()) -> JoinReport:
     """What happens where curve a ends and curve b starts, for shapes and for splines alike.
 
+    Parameters
+    ----------
+    a, b
+        Curves, chains or splines of one dimension, in one unit.
+    thresholds
+        What still counts as continuous.
+
+    Returns
+    -------
+    JoinReport
+        Gap, angle and jumps, and the highest ``order`` that they allow.
+
+    Raises
+    ------
+    InputError
+        When one is no curve, or they have different dimensions.
+
     Examples
     --------
     >>> first = Curve([[0, 0], [1, 1], [2, 0]], gamma=(0.2, 0.5))
     >>> check_join(first, join_curve(first, 3, order="G2", scale=(2.0, 0.3, 0.0), rest=[[4, 1]])).order
     'G2'
     """
+    for name, curve in (("a", a), ("b", b)):
+        if not hasattr(curve, "domain"):
+            raise InputError(f"{name} must be a curve, a chain or a spline, got {type(curve).__name__}")
     ends = np.array([a.derivative(a.domain[1], r) for r in range(MAX_ORDER + 1)])
     starts = np.array([b.derivative(b.domain[0], r) for r in range(MAX_ORDER + 1)])
     if ends.shape != starts.shape:

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
 
-from gtcad.errors import InputError
+from gtcad.errors import SingularDevelopable
 from gtcad.measure import area, length
+from gtcad.patches._moving_frames import Unresolved
 from gtcad.patches.developable import Enveloping, PlaneFamily, developability
 from gtcad.protocol import SeparableCurve
 
@@ -56,6 +57,11 @@ def gamma_effects(
     gammas
         Pairs of design variables, each in [-1, 1].
 
+    Raises
+    ------
+    InputError
+        When an argument is out of its range.
+
     Examples
     --------
     First and last plane stay, so larger design variables draw the patch towards the planes between:
@@ -73,7 +79,7 @@ def _effect(
 ) -> GammaEffect:
     try:
         patch = planes.enveloping(bound_a, bound_b)
-    except InputError as error:
+    except (SingularDevelopable, Unresolved) as error:
         nan = float("nan")
         return GammaEffect(planes.gamma, None, str(error), nan, (nan, nan), nan)
     lengths = float(length(patch.a)), float(length(patch.b))

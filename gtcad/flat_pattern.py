@@ -190,7 +190,7 @@ class FlatPattern:
             moving = space > _SINGULAR * space.max()
             if moving.any():
                 strain = max(strain, float(np.abs(flat[moving] / space[moving] - 1).max()))
-        lengths = {side: (self.lengths[side], length(_side(self.patch, side))) for side in SIDES}
+        lengths = {side: (self.lengths[side], length(_Side(self.patch, side))) for side in SIDES}
         areas = (self.area, area(self.patch))
         return Loss(self.twist.degrees, self.twist.parameter, strain, MappingProxyType(lengths), areas)
 
@@ -350,11 +350,16 @@ def develop(patch: SeparableSurface, *, twist_deg: float = 1e-6) -> FlatPattern:
     >>> round(pattern.lengths["v0"], 12), round(pattern.area, 12)
     (3.14159265359, 9.424777960769)
     """
+    return developed(patch, twist_deg)
+
+
+def developed(patch: SeparableSurface, twist_deg: float, *, in_u: bool = False) -> FlatPattern:
+    """As ``develop``; along the lines in u if wanted, where the patch is straight in both parameters."""
     if not isinstance(patch, SeparableSurface):
         raise InputError(f"patch must be a surface, got {type(patch).__name__}")
     if not 0 <= twist_deg < 90:
         raise InputError(f"twist_deg must lie in [0, 90), got {twist_deg}")
-    rulings = Rulings(patch)
+    rulings = Rulings(patch, in_u=in_u)
     breaks = rulings.breaks()
     twist = largest_twist(rulings, breaks)
     if not math.isfinite(twist.degrees):
@@ -395,7 +400,3 @@ class _Side:
         if self.side[0] == "u":
             return self.patch.derivative(at, t, (0, order))
         return self.patch.derivative(t, at, (order, 0))
-
-
-def _side(patch: SeparableSurface, side: str) -> _Side:
-    return _Side(patch, side)

@@ -10,11 +10,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gtcad._flat_bends import BendLine
+from gtcad._development import straight_in
+from gtcad._flat_bends import BendLine, checked_count, shared_out
 from gtcad._flat_places import Crossing, first_crossing
 from gtcad.errors import InputError, NotDevelopable
 from gtcad.flat_curves import FlatCurve, ParameterCurve, RolledCurve
-from gtcad.flat_pattern import FlatPattern, develop, polygon
+from gtcad.flat_pattern import FlatPattern, developed, polygon
 from gtcad.measure import Estimate
 from gtcad.protocol import SeparableSurface
 from gtcad.quilt import Quilt
@@ -94,14 +95,18 @@ class FlatStrip:
 
     @cached_property
     def overlap(self) -> Crossing | None:
-        """Where the outline crosses itself, as of a pattern; None where it does nowhere."""
-        return first_crossing(polygon(self.contour, 256 if len(self.contour) < 16 else 64))
+        """Where the outline crosses itself, as of a pattern, from 16 to 256 points on each curve; or None."""
+        return first_crossing(polygon(self.contour, min(256, max(16, 4096 // len(self.contour)))))
 
     def bend_lines(self, count: int) -> tuple[BendLine, ...]:
-        """Rulings to bend at: that many shared out to the patches by what they turn, and the creases between them."""
-        total = [pattern.turning for pattern in self.patterns]
-        whole = math.fsum(total)
-        shares = [0 if whole <= 0 else round(count * turning / whole) for turning in total]
+        """Rulings to bend at: that many shared out to the patches by what they turn, and the creases between them.
+
+        Raises
+        ------
+        InputError
+            When the count is not a whole number from 0.
+        """
+        shares = shared_out(checked_count(count), [pattern.turning for pattern in self.patterns])
         lines = [pattern.bend_lines(share) for pattern, share in zip(self.patterns, shares, strict=True)]
         return tuple(line for part in lines for line in part) + self.creases
 
@@ -128,7 +133,9 @@ class FlatStrip:
         at = float(side[1])
         u, v = (at, 0.5) if side[0] == "u" else (0.5, at)
         patch = self.patterns[index].patch
-        normal = np.cross(patch.derivative(u, v, (1, 0)), patch.derivative(u, v, (0, 1)))
+        missing = (0, 3 - patch.dimension)
+        along, across = np.pad(patch.derivative(u, v, (1, 0)), missing), np.pad(patch.derivative(u, v, (0, 1)), missing)
+        normal = np.cross(along, across)
         return np.asarray(normal / np.linalg.norm(normal) * (-1.0 if self.places[index].turned else 1.0))
 
     def _side_in_space(self, index: int, side: str) -> Array:
@@ -160,14 +167,17 @@ class FlatStrip:
         Raises
         ------
         InputError
-            When it lies in none.
+            When it lies in none, or is no point.
         """
+        given = np.asarray(point, dtype=np.float64)
+        if given.shape != (2,) or not np.isfinite(given).all():
+            raise InputError(f"point must be two finite numbers, got {given.tolist()}")
         for name, pattern in zip(self.names, self.patterns, strict=True):
             try:
-                return name, pattern.locate(point)
+                return name, pattern.locate(given)
             except InputError:
                 continue
-        raise InputError(f"the point {np.asarray(point).tolist()} lies outside the strip")
+        raise InputError(f"the point {given.tolist()} lies outside the strip")
 
     def roll(self, which: int | str, curve: ParameterCurve) -> RolledCurve:
         """A curve in the plane, rolled back onto a patch; as of ``FlatPattern.roll``."""
@@ -190,13 +200,14 @@ def develop_strip(
     ----------
     patches
         Patches that ``develop`` takes, in any order, each sharing whole rulings with one or two others; or a quilt of
-        such.
+        such. Of a plane quadrilateral either pair of opposite sides may be shared.
     names
         One for each; those of the quilt, or "patch 1", "patch 2", ... unless given.
     twist_deg
         As for ``develop``.
     gap
-        How far ends of rulings may be apart, relative to the size of the patches, to be one.
+        How far ends of rulings may be apart, relative to the size of the patches, to be one; those of a quilt as far as
+        its edges are.
 
     Raises
     ------
@@ -229,15 +240,23 @@ def develop_strip(
     labels = own if names is None else tuple(names)
     if len(labels) != len(surfaces) or len(set(labels)) < len(labels):
         raise InputError(f"names must be {len(surfaces)} different ones, got {list(labels)}")
-    patterns = []
     for label, patch in zip(labels, surfaces, strict=True):
+        if not isinstance(patch, SeparableSurface):
+            raise InputError(f"{label!r} must be a surface, got {type(patch).__name__}")
+    corners = np.concatenate([ruling_ends(patch, side) for patch in surfaces for side in ("u0", "u1")])
+    near = gap * float(np.linalg.norm(np.ptp(corners, axis=0)))
+    if isinstance(patches, Quilt):
+        near = max(near, *patches.gaps, 0.0)
+    patterns = []
+    crosswise = _joined_crosswise(surfaces, near)
+    for index, (label, patch) in enumerate(zip(labels, surfaces, strict=True)):
         try:
-            patterns.append(develop(patch, twist_deg=twist_deg))
+            patterns.append(developed(patch, twist_deg, in_u=index in crosswise))
         except NotDevelopable as error:
             raise NotDevelopable(
                 f"patch {label!r}: {error.reason}", twist_deg=error.twist_deg, parameter=error.parameter
             ) from None
-    order = _ordered(patterns, labels, gap)
+    order = _ordered(patterns, labels, near)
     return _placed([patterns[k] for k, _ in order], [labels[k] for k, _ in order], [entry for _, entry in order])
 
 
@@ -248,12 +267,10 @@ def ruling_ends(patch: SeparableSurface, side: str) -> Array:
     return np.pad(points, [(0, 0), (0, 3 - points.shape[-1])])
 
 
-def _ordered(patterns: Sequence[FlatPattern], labels: Sequence[str], gap: float) -> list[tuple[int, str]]:
+def _ordered(patterns: Sequence[FlatPattern], labels: Sequence[str], near: float) -> list[tuple[int, str]]:
     """The patches of a strip one after the other, each with the side that it is entered by."""
     uses = [(k, side) for k, pattern in enumerate(patterns) for side in pattern.ruling_sides]
     ends = {use: ruling_ends(patterns[use[0]].patch, use[1]) for use in uses}
-    every = np.concatenate(list(ends.values()))
-    near = gap * float(np.linalg.norm(np.ptp(every, axis=0)))
     partner: dict[tuple[int, str], tuple[int, str]] = {}
     for i, one in enumerate(uses):
         for other in uses[i + 1 :]:
@@ -275,8 +292,28 @@ def _ordered(patterns: Sequence[FlatPattern], labels: Sequence[str], gap: float)
         here = following
     if len(order) < len(patterns):
         lost = next(label for k, label in enumerate(labels) if k not in [used for used, _ in order])
-        raise NotDevelopable(f"the patches are no strip: {lost!r} shares no ruling with those before it")
+        raise NotDevelopable(
+            f"the patches are no strip: {lost!r} shares no ruling with those before it; a strip goes from patch to "
+            "patch by opposite sides"
+        )
     return order
+
+
+def _joined_crosswise(patches: Sequence[SeparableSurface], near: float) -> set[int]:
+    """The patches that are straight in both parameters, of which more sides v0 and v1 are shared than u0 and u1."""
+    straight = [straight_in(patch) for patch in patches]
+    sides = {"": (), "u": ("v0", "v1"), "v": ("u0", "u1"), "uv": ("u0", "u1", "v0", "v1")}
+    uses = [(k, side) for k, names in enumerate(straight) for side in sides[names]]
+    ends = np.array([ruling_ends(patches[k], side) for k, side in uses]).reshape(-1, 2, 3)
+    owner, lengths = np.array([k for k, _ in uses], dtype=int), np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    shared: dict[int, list[str]] = {k: [] for k, names in enumerate(straight) if names == "uv"}
+    for (k, side), end, length in zip(uses, ends, lengths, strict=True):
+        if k in shared and length > near:
+            others = ends[owner != k]
+            apart = [np.linalg.norm(end - other, axis=2).max(axis=1) for other in (others, others[:, ::-1])]
+            if (np.minimum(*apart) <= near).any():
+                shared[k].append(side[0])
+    return {k for k, names in shared.items() if names.count("v") > names.count("u")}
 
 
 def _apart(one: Array, other: Array) -> tuple[float, bool]:

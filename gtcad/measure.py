@@ -18,13 +18,14 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Never, Self
+from typing import Any, Never, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gtcad.differential import ParametricCurve, ParametricSurface, curvature
 from gtcad.errors import InputError
+from gtcad.protocol import SeparableCurve, SeparableSurface
 from gtcad.surface import Surface
 
 Array = NDArray[np.float64]
@@ -88,19 +89,19 @@ class Estimate(float):
 
 
 def length(curve: ParametricCurve, *, rtol: float = 1e-12) -> Estimate:
-    """Arc length ``int |C'| dt``, in the model's unit.
+    """Arc length ``int |C'| dt`` over the whole domain, in the model's unit.
 
     Parameters
     ----------
     curve
-        Any curve.
+        Any curve, chain or spline.
     rtol
         Wanted relative error, from 1e-14; cusps cost time, not accuracy.
 
     Raises
     ------
     InputError
-        When rtol is out of its range.
+        When rtol is out of its range, or the shape is no curve.
 
     Examples
     --------
@@ -111,23 +112,24 @@ def length(curve: ParametricCurve, *, rtol: float = 1e-12) -> Estimate:
     >>> abs(quarter - math.pi / 2) < 1e-14
     True
     """
-    return _over_interval(lambda t: _norm(curve.derivative(t, 1)), rtol)
+    return _along(curve, lambda piece, t: _norm(piece.derivative(t, 1)), rtol)
 
 
 def curvature_energy(curve: ParametricCurve, *, rtol: float = 1e-12) -> Estimate:
-    """Bending energy ``int kappa^2 ds``, in the inverse of the model's unit.
+    """Bending energy ``int kappa^2 ds`` over the whole domain, in the inverse of the model's unit.
 
     Parameters
     ----------
     curve
-        Any curve. At a cusp the integral diverges as a rule: then the error is infinite, and the value means nothing.
+        Any curve, chain or spline; corners of a chain add nothing. At a cusp the integral diverges as a rule: then the
+        error is infinite, and the value means nothing.
     rtol
         Wanted relative error, from 1e-14.
 
     Raises
     ------
     InputError
-        When rtol is out of its range.
+        When rtol is out of its range, or the shape is no curve.
 
     Examples
     --------
@@ -137,7 +139,7 @@ def curvature_energy(curve: ParametricCurve, *, rtol: float = 1e-12) -> Estimate
     >>> float(curvature_energy(Curve([[2, 0], [2, 2], [0, 2]])).value.__round__(12))
     0.785398163397
     """
-    return _over_interval(lambda t: curvature(curve, t) ** 2 * _norm(curve.derivative(t, 1)), rtol)
+    return _along(curve, lambda piece, t: curvature(piece, t) ** 2 * _norm(piece.derivative(t, 1)), rtol)
 
 
 def area(surface: ParametricSurface, *, rtol: float = 1e-12) -> Estimate:
@@ -146,14 +148,14 @@ def area(surface: ParametricSurface, *, rtol: float = 1e-12) -> Estimate:
     Parameters
     ----------
     surface
-        Any surface; where it folds back the parts count twice.
+        Any surface, over its whole domain; where it folds back the parts count twice.
     rtol
         Wanted relative error, from 1e-14.
 
     Raises
     ------
     InputError
-        When rtol is out of its range.
+        When rtol is out of its range, or the shape is no surface.
 
     Examples
     --------
@@ -162,7 +164,7 @@ def area(surface: ParametricSurface, *, rtol: float = 1e-12) -> Estimate:
     >>> round(area(rectangle), 12)
     6.0
     """
-    return over_square(lambda u, v: _norm(_crossed(surface, u, v)), rtol)
+    return over_domain(surface, lambda u, v: _norm(_crossed(surface, u, v)), rtol)
 
 
 def volume(
@@ -186,7 +188,7 @@ def volume(
     Raises
     ------
     InputError
-        When rtol is out of its range or a surface is not in space (d = 3).
+        When rtol is out of its range, or a shape is no surface or not in space (d = 3).
 
     Examples
     --------
@@ -200,14 +202,14 @@ def volume(
     centre = np.asarray(origin, dtype=np.float64)
 
     def part(surface: ParametricSurface) -> Estimate:
-        if surface.dimension != 3:
+        if getattr(surface, "dimension", 3) != 3:
             raise InputError(f"a volume needs surfaces in space, d = 3, got d = {surface.dimension}")
 
         def integrand(u: Array, v: Array) -> Array:
             points = surface.derivative(u, v, (0, 0)) - centre
             return np.asarray(np.einsum("uvd,uvd->uv", points, _crossed(surface, u, v))) / 3
 
-        return over_square(integrand, rtol)
+        return over_domain(surface, integrand, rtol)
 
     parts = [part(s) for s in (surfaces if isinstance(surfaces, Iterable) else (surfaces,))]
     return Estimate(math.fsum(parts), math.fsum(p.error for p in parts))
@@ -227,7 +229,7 @@ def dirichlet_energy(surface: ParametricSurface, *, rtol: float = 1e-12) -> Esti
     Raises
     ------
     InputError
-        When rtol is out of its range.
+        When rtol is out of its range, or the shape is no surface.
 
     References
     ----------
@@ -250,7 +252,7 @@ def dirichlet_energy(surface: ParametricSurface, *, rtol: float = 1e-12) -> Esti
         s_u, s_v = surface.derivative(u, v, (1, 0)), surface.derivative(u, v, (0, 1))
         return np.asarray((s_u * s_u).sum(axis=-1) + (s_v * s_v).sum(axis=-1)) / 2
 
-    return over_square(integrand, rtol)
+    return over_domain(surface, integrand, rtol)
 
 
 def _dirichlet_form(surface: Surface) -> Estimate:
@@ -356,6 +358,40 @@ def _worst(errors: Array, target: float, most: int) -> NDArray[np.bool_]:
     result = np.empty(errors.shape, dtype=bool)
     result[order] = chosen
     return result
+
+
+def _along(curve: Any, integrand: Callable[[Any, Array], Array], rtol: float) -> Estimate:
+    """The integral of a function of a curve and its parameters over the curve's domain, piece by piece of a chain."""
+    if isinstance(curve, SeparableSurface) or not hasattr(curve, "derivative"):
+        raise InputError(f"curve must be a curve, got {type(curve).__name__}")
+    pieces = getattr(curve, "pieces", ())
+    if len(pieces) > 1:
+        parts = [_along(piece, integrand, rtol) for piece in pieces]
+        return Estimate(math.fsum(parts), math.fsum(part.error for part in parts))
+    first, last = getattr(curve, "domain", (0.0, 1.0))
+    width = last - first
+    return _over_interval(lambda t: width * integrand(curve, first + width * t), rtol)
+
+
+def domain_of(surface: Any) -> tuple[tuple[float, float], tuple[float, float]]:
+    """First and last u, first and last v: those of a spline, else of the unit square."""
+    (left, right), (lower, upper) = getattr(surface, "domain", ((0.0, 1.0), (0.0, 1.0)))
+    return (left, right), (lower, upper)
+
+
+def over_domain(surface: Any, integrand: Callable[[Array, Array], Array], rtol: float) -> Estimate:
+    """The integral of a function of a surface's parameters over its domain; as ``over_square``.
+
+    Raises
+    ------
+    InputError
+        When the shape is no surface.
+    """
+    if isinstance(surface, SeparableCurve) or not hasattr(surface, "derivative"):
+        raise InputError(f"surface must be a surface, got {type(surface).__name__}")
+    (left, right), (lower, upper) = domain_of(surface)
+    a, b = right - left, upper - lower
+    return over_square(lambda u, v: a * b * integrand(left + a * u, lower + b * v), rtol)
 
 
 def _over_interval(integrand: Callable[[Array], Array], rtol: float) -> Estimate:

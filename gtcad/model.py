@@ -43,6 +43,7 @@ from gtcad._kinds import ENTRIES, MILLIMETRES, VERSION, ModelFile, entry_of
 from gtcad._markings import Marking, MarkingFields, marking_problems
 from gtcad._quilt_kinds import EdgeFields
 from gtcad.errors import InputError, ModelError, SingularJoin
+from gtcad.protocol import checked_kind
 from gtcad.quilt import Quilt
 from gtcad.solid import Solid
 
@@ -86,6 +87,7 @@ class Model(Mapping[str, ModelShape]):
     markings: tuple[Marking, ...] = ()
 
     def __post_init__(self) -> None:
+        checked_kind("shapes", self.shapes, Mapping, "a mapping of names to shapes")
         object.__setattr__(self, "shapes", MappingProxyType(dict(self.shapes)))
         object.__setattr__(self, "colors", MappingProxyType(dict(self.colors)))
         object.__setattr__(self, "construction", frozenset(self.construction))

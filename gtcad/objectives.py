@@ -154,6 +154,8 @@ def checked_objective(shape: Any, objective: str) -> str:
     fitting = objectives_of(shape)
     if objective in fitting:
         return objective
+    if not fitting:
+        raise InputError(f"shape must be a curve, a patch or a family of planes, got {type(shape).__name__}")
     allowed = f"must be one of {', '.join(fitting)} for {type(shape).__name__}, got {objective!r}"
     if objective in KNOWN:
         raise InputError(f"objective {allowed}: that one does not fit the kind of the shape")

@@ -26,20 +26,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gtcad._plane_contact import STILL, Local, Weights, angle_deg, fitted, gap, largest, relative, seen_from
 from gtcad.basis import GT, Basis, Family, checked_gamma
 from gtcad.continuity import PARAMETRIC, Scale, Start, Thresholds, chain_rule, meets_order, parsed_order
 from gtcad.errors import InputError, SingularJoin
 from gtcad.patches.developable import PlaneFamily
 
 Array = NDArray[np.float64]
-Weights = tuple[float, float, float, float]
 
 PLAIN: Weights = (1.0, 0.0, 0.0, 0.0)
 BETA, FARIN_BOEHM = "G2 beta", "Farin-Boehm G2"
 
 _THRESHOLDS = Thresholds()
-_SAME = 1e-9  # relative jump of derivatives that are equal; a weight that is 1 or 0
-_STILL = 1e-10  # of the planes' size: a first derivative that leaves the ruling undetermined
+_SAME = 1e-9  # relative jump of derivatives that are equal
+_INVISIBLE = 1e-5  # of the largest that a derivative may be: what is less is compared with so much
 
 
 def join_planes(
@@ -96,6 +96,7 @@ def join_planes(
     >>> join_planes(first, 2, order="C1", rest=[[-1, 0, 0, 1]]).control_planes.round(12).tolist()
     [[0.0, 1.0, 0.0, 1.0], [-1.0, 1.0, 0.0, 1.0], [-1.0, 0.0, 0.0, 1.0]]
     """
+    _check_families(first=first)
     kind, count = ("G", 2) if order in (BETA, FARIN_BOEHM) else parsed_order(order)
     _check(order, kind, scale, weights, ratios)
     basis = Basis(degree, checked_gamma("gamma", gamma, family), family)
@@ -106,25 +107,50 @@ def join_planes(
         wanted = _products(weights, count + 1) @ chain_rule(scale, count + 1) @ _ends(first, count)
         rows = np.asarray(np.linalg.solve(start.matrix, wanted))
         rows[0] = wanted[0]
-    free = np.asarray(rest, dtype=np.float64).reshape(-1, 4) if np.size(rest) else rows[:0]
-    if len(free) != degree - count:
-        raise InputError(f"rest must be {degree - count} control planes for degree {degree}, {order}; got {len(free)}")
-    return PlaneFamily(np.concatenate([rows, free]), basis.gamma, family)
+    return PlaneFamily(np.concatenate([rows, _free(rest, degree - count, f"degree {degree}, {order}")]), gamma, family)
+
+
+def _free(rest: ArrayLike, count: int, wanting: str) -> Array:
+    """The control planes that are given, shape (count, 4)."""
+    try:
+        planes = np.asarray(rest, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"rest must be control planes (a, b, c, d): {error}") from None
+    planes = planes if planes.size else np.empty((0, 4))
+    if planes.ndim != 2 or planes.shape[1] != 4:
+        raise InputError(f"rest must be control planes (a, b, c, d), shape ({count}, 4), got {planes.shape}")
+    if len(planes) != count:
+        raise InputError(f"rest must be {count} control planes for {wanting}; got {len(planes)}")
+    return planes
+
+
+def _check_families(**families: PlaneFamily) -> None:
+    for name, family in families.items():
+        if not isinstance(family, PlaneFamily):
+            raise InputError(f"{name} must be a PlaneFamily, got {type(family).__name__}")
+
+
+def _finite(values: object, count: int) -> bool:
+    """Whether they are so many finite numbers."""
+    try:
+        numbers = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        return False
+    return numbers.shape == (count,) and bool(np.isfinite(numbers).all())
 
 
 def _check(order: str, kind: str, scale: Scale, weights: Weights, ratios: tuple[float, float] | None) -> None:
-    plain = len(scale) == 3 and tuple(scale) == PARAMETRIC
-    if (kind == "C" or order == FARIN_BOEHM) and not plain:
+    if not _finite(scale, 3) or not scale[0] > 0:
+        raise InputError(f"scale must be three finite numbers (eta, psi, omega) with eta > 0, got {scale}")
+    if (kind == "C" or order == FARIN_BOEHM) and tuple(scale) != PARAMETRIC:
         raise InputError(f"scale must be left alone for {order}, got {tuple(scale)}")
-    if len(scale) != 3 or not all(map(math.isfinite, scale)) or not scale[0] > 0:
-        raise InputError(f"scale must be three finite numbers (eta, psi, omega) with eta > 0, got {tuple(scale)}")
+    if not _finite(weights, 4) or weights[0] == 0:
+        raise InputError(f"weights must be four finite numbers (rho, a_1, a_2, a_3), rho not 0, got {weights}")
     if (kind == "C" or order in (BETA, FARIN_BOEHM)) and tuple(weights) != PLAIN:
         raise InputError(f"weights must be left alone for {order}, got {tuple(weights)}")
-    if len(weights) != 4 or not all(map(math.isfinite, weights)) or weights[0] == 0:
-        raise InputError(f"weights must be four finite numbers (rho, a_1, a_2, a_3), rho not 0, got {tuple(weights)}")
     if (order == FARIN_BOEHM) != (ratios is not None):
         raise InputError(f"ratios are for {FARIN_BOEHM} and needed there, got {ratios} for {order}")
-    if ratios is not None and (len(ratios) != 2 or not all(math.isfinite(x) and x > 0 for x in ratios)):
+    if ratios is not None and (not _finite(ratios, 2) or not min(ratios) > 0):
         raise InputError(f"ratios must be two numbers (r, r_minus) above 0, got {ratios}")
 
 
@@ -139,7 +165,7 @@ def _products(weights: Weights, count: int) -> Array:
 
 def _ends(first: PlaneFamily, order: int) -> Array:
     ends = np.array([first.derivative(1.0, k) for k in range(order + 1)])
-    if order and np.linalg.norm(ends[1]) <= _STILL * np.abs(first.control_planes).max():
+    if order and np.linalg.norm(ends[1]) <= STILL * np.abs(first.control_planes).max():
         raise SingularJoin("the first family stands still at its end: its first derivative vanishes there", 0.0)
     return ends
 
@@ -191,8 +217,10 @@ def farin_boehm(first: PlaneFamily, second: PlaneFamily) -> FarinBoehm:
     InputError
         When a family has a degree below 2.
     SingularJoin
-        When a second derivative does not depend on the third control plane.
+        When a second derivative does not depend on the third control plane, or a ratio is not determined: a leg has no
+        length, or d is one of its ends.
     """
+    _check_families(first=first, second=second)
     if min(first.degree, second.degree) < 2:
         raise InputError(f"{FARIN_BOEHM} needs degrees of 2 at least, got {first.degree} and {second.degree}")
     (b, middle, last), (start, one, two) = first.control_planes[-3:], second.control_planes[:3]
@@ -200,7 +228,10 @@ def farin_boehm(first: PlaneFamily, second: PlaneFamily) -> FarinBoehm:
     # d = middle + x (middle - b) = one - y (two - one)
     system = np.column_stack([legs[0], legs[3]])
     (x, y), *_ = np.linalg.lstsq(system, one - middle, rcond=None)
-    size = float(np.linalg.norm(legs, axis=1).max())
+    lengths = np.linalg.norm(legs, axis=1)
+    size = float(lengths.max())
+    if lengths.min() <= STILL * size or min(abs(x), abs(y)) <= STILL:
+        raise SingularJoin("the ratios at the joint are not determined: control planes next to it coincide", 0.0)
     r = float(np.linalg.norm(legs[1]) / np.linalg.norm(legs[2]))
     misses = [last - start, legs[1] - r * legs[2], system @ np.array([x, y]) - (one - middle)]
     apart = max(float(np.linalg.norm(miss)) for miss in misses) / size
@@ -229,9 +260,11 @@ class PlaneJoinReport:
         Jump of the radius of curvature across the ruling, a linear function along it, relative: of its value at that
         point and of its slope times ``reach`` together.
     third_jump
-        Least jump of the third derivatives that scale factors and weights leave, relative.
+        Least jump of the third derivatives that scale factors and weights leave, relative to the larger one, or to 1e-5
+        of the largest that it may be.
     scale, weights
-        The (eta, psi, omega) and (rho, a_1, a_2, a_3) that fit best.
+        The (eta, psi, omega) and (rho, a_1, a_2, a_3) that fit best; NaN, as is ``third_jump``, when the planes are at
+        right angles.
     parametric_order, geometric_order
         The highest k of C^k and of G^k within the thresholds; -1 when the planes differ.
     beta
@@ -280,6 +313,13 @@ def check_plane_join(
     thresholds
         What still counts as continuous; ``curvature`` is for the radii, ``curvature_rate`` for the third derivatives.
 
+    Raises
+    ------
+    InputError
+        When an argument is out of its range.
+    SingularJoin
+        When a family stands still at the joint: it has no ruling there.
+
     Examples
     --------
     >>> first = PlaneFamily([[1, 0, 0, 9], [1, 1, 0.1, 9], [0, 1, 0, 9]])
@@ -288,20 +328,22 @@ def check_plane_join(
     >>> check_plane_join(first, second).order
     'G2'
     """
-    if not (reach > 0 and math.isfinite(reach)):
+    _check_families(a=a, b=b)
+    if not (_finite([reach], 1) and reach > 0):
         raise InputError(f"reach must be a finite length above 0, got {reach}")
     before, after = (np.array([one.derivative(t, k) for k in range(4)]) for one, t in ((a, 1.0), (b, 0.0)))
-    here, there = _Local.of(before), _Local.of(after)
-    plane_angle = _angle_deg(here.normal, there.normal * np.sign(here.normal @ there.normal))
+    here, there = Local.of(before), Local.of(after)
+    plane_angle = angle_deg(here.normal, there.normal * math.copysign(1, here.normal @ there.normal))
     plane_gap = float(abs(there.normal @ here.foot - there.offset))
-    ruling_angle = _angle_deg(here.ruling, there.ruling)
+    ruling_angle = angle_deg(here.ruling, there.ruling)
     away = here.foot - there.foot
     ruling_gap = float(np.linalg.norm(away - (away @ there.ruling) * there.ruling))
-    radii = [one.radius_at(here.foot, here.ruling, reach) for one in (here, there)]
-    curvature = _relative(*radii)
-    scale, weights, third = _fitted(before, after, reach)
-    units = np.array([1.0, 1.0, 1.0, 1.0 / reach])
-    jumps = [_relative(x * units, y * units) for x, y in zip(before, after, strict=True)]
+    first, second = (one.radius_at(here.foot, here.ruling, reach) for one in (here, there))
+    curvature = relative(first, second)
+    before, after = (seen_from(here.foot, reach, planes) for planes in (before, after))
+    least = [_INVISIBLE * largest(one, here.foot, reach) for one in (a, b)]
+    scale, weights, third = fitted(before, after, (float(least[0][3]), float(least[1][3])))
+    jumps = [relative(x, y, float(z)) for x, y, z in zip(before, after, np.maximum(*least), strict=True)]
     measured = [
         plane_angle <= thresholds.angle_deg and plane_gap <= thresholds.gap,
         ruling_angle <= thresholds.angle_deg and ruling_gap <= thresholds.gap,
@@ -315,7 +357,7 @@ def check_plane_join(
         plane_gap,
         ruling_angle,
         ruling_gap,
-        _gap(here.regression, there.regression),
+        gap(here.regression, there.regression),
         curvature,
         third,
         scale,
@@ -324,74 +366,6 @@ def check_plane_join(
         geometric,
         geometric >= 2 and plain,
     )
-
-
-@dataclass(frozen=True)
-class _Local:
-    """A family at one parameter: unit normal and ruling, offset, foot, regression point, and its derivatives."""
-
-    normal: Array
-    offset: float
-    ruling: Array
-    foot: Array
-    regression: Array | None
-    derivatives: Array
-
-    @classmethod
-    def of(cls, derivatives: Array) -> _Local:
-        (n, slope, bend), (d, rate, change) = derivatives[:3, :3], derivatives[:3, 3]
-        along = np.cross(n, slope)
-        square, size = float(along @ along), float(np.linalg.norm(n))
-        if square <= (_STILL * size * max(float(np.linalg.norm(slope)), _STILL * size)) ** 2:
-            raise SingularJoin("a family stands still at the joint: it has no ruling there", 0.0)
-        foot = (d * np.cross(slope, along) + rate * np.cross(along, n)) / square
-        ruling = along / math.sqrt(square)
-        turn = float(bend @ ruling)
-        regression = None
-        if abs(turn) > _STILL * float(np.linalg.norm(bend)):
-            regression = foot + (change - float(bend @ foot)) / turn * ruling
-        return cls(n / size, float(d) / size, ruling, foot, regression, derivatives)
-
-    def radius_at(self, point: Array, direction: Array, reach: float) -> Array:
-        """The radius of curvature ``|n|^3 (d'' - n''.x) / |n x n'|^2`` at a point, and its slope, along the normal."""
-        n, slope, bend = self.derivatives[:3, :3]
-        factor = float(np.linalg.norm(n)) ** 3 / float(np.sum(np.cross(n, slope) ** 2))
-        at = factor * (self.derivatives[2, 3] - bend @ point)
-        return np.concatenate([at * self.normal, -reach * factor * (bend @ direction) * self.normal])
-
-
-def _fitted(before: Array, after: Array, reach: float) -> tuple[Scale, Weights, float]:
-    """Scale factors and weights order by order, and what is left of the third derivatives."""
-    units = np.array([1.0, 1.0, 1.0, 1.0 / reach])
-    old, new = before * units, after * units
-    rho = float(new[0] @ old[0] / (old[0] @ old[0]))
-    new = new / rho
-    basis = np.column_stack([old[1], old[0]])
-    (eta, a_1), *_ = np.linalg.lstsq(basis, new[1], rcond=None)
-    known = eta**2 * old[2] + 2 * a_1 * eta * old[1]
-    (psi, a_2), *_ = np.linalg.lstsq(basis, new[2] - known, rcond=None)
-    known = eta**3 * old[3] + 3 * eta * psi * old[2]
-    known = known + 3 * a_1 * (eta**2 * old[2] + psi * old[1]) + 3 * a_2 * eta * old[1]
-    (omega, a_3), *_ = np.linalg.lstsq(basis, new[3] - known, rcond=None)
-    model = known + omega * old[1] + a_3 * old[0]
-    scale = float(eta), float(psi), float(omega)
-    return scale, (rho, float(a_1), float(a_2), float(a_3)), _relative(model, new[3])
-
-
-def _relative(a: Array, b: Array) -> float:
-    larger = max(float(np.linalg.norm(a)), float(np.linalg.norm(b)))
-    return float(np.linalg.norm(b - a)) / larger if larger else 0.0
-
-
-def _angle_deg(a: Array, b: Array) -> float:
-    """By the chord, which keeps its digits for small angles."""
-    return math.degrees(2 * math.asin(min(1.0, float(np.linalg.norm(b - a)) / 2)))
-
-
-def _gap(a: Array | None, b: Array | None) -> float:
-    if a is None or b is None:
-        return 0.0 if a is b else math.inf
-    return float(np.linalg.norm(b - a))
 
 
 def _reached(met: Sequence[bool]) -> int:

@@ -13,8 +13,10 @@ factor gives its derivatives, and a bound of each order of them.
 from __future__ import annotations
 
 import abc
+import math
 from collections.abc import Hashable, Sequence
-from typing import Protocol, Self
+from numbers import Real
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -216,6 +218,47 @@ def checked_points(name: str, value: ArrayLike, ndim: int) -> Array:
         raise InputError(f"{name}{list(place)} must be finite, got {points[place]}")
     points.flags.writeable = False
     return points
+
+
+def checked_tolerance(tolerance: Any) -> float:
+    """The largest distance that is allowed, as a float.
+
+    Raises
+    ------
+    InputError
+        When it is no finite number above 0.
+    """
+    try:
+        value = math.nan if isinstance(tolerance, str) else float(tolerance)
+    except (TypeError, ValueError, OverflowError):
+        value = math.nan
+    if not 0 < value < math.inf:
+        got = tolerance if isinstance(tolerance, Real) else repr(tolerance)
+        raise InputError(f"tolerance must be a finite number above 0, got {got}")
+    return value
+
+
+def checked_kind(name: str, value: object, kind: type | tuple[type, ...], wanted: str) -> None:
+    """Refuse an argument of another class.
+
+    Parameters
+    ----------
+    name
+        Of the argument.
+    value
+        What was given.
+    kind
+        The classes that it may have.
+    wanted
+        What they are in words, and where to go with others.
+
+    Raises
+    ------
+    InputError
+        When it has none of them.
+    """
+    if not isinstance(value, kind):
+        raise InputError(f"{name} must be {wanted}, got {type(value).__name__}")
 
 
 def checked_side(side: str) -> str:

@@ -20,7 +20,7 @@ from gtcad._jets import norm
 from gtcad.chebyshev import UNIT_ROUNDOFF, nodes
 from gtcad.composite import Composite
 from gtcad.errors import InputError
-from gtcad.protocol import SeparableCurve
+from gtcad.protocol import SeparableCurve, checked_kind
 from gtcad.restricted import RestrictedCurve
 from gtcad.roots import roots
 
@@ -101,9 +101,10 @@ def nearest(curve: SeparableCurve | Composite, point: ArrayLike) -> Foot:
     >>> nearest(quarter, (0, 0)).parameter
     0.0
     """
+    pieces = pieces_of(curve)
     target = _vector("point", point, curve.dimension)
     size, places = 0.0, []
-    for start, piece in enumerate(pieces_of(curve)):
+    for start, piece in enumerate(pieces):
         reach = float(norm(piece.coefficients).max() + norm(target))
         size = max(size, reach)
         speed = float(norm(piece.derivative(SAMPLES)).max())
@@ -221,7 +222,14 @@ def split(
 
 
 def pieces_of(curve: SeparableCurve | Composite) -> tuple[SeparableCurve, ...]:
-    """The pieces of a chain; a curve alone is its own."""
+    """The pieces of a chain; a curve alone is its own.
+
+    Raises
+    ------
+    InputError
+        When it is neither.
+    """
+    checked_kind("curve", curve, (SeparableCurve, Composite), "a curve or a chain")
     return curve.pieces if isinstance(curve, Composite) else (curve,)
 
 

@@ -44,7 +44,8 @@ _FACES = {"one": 64, "study": 32}  # in each direction of a patch
 _MOST_FACES = 60_000
 _LEAST_FACES = 8
 _LARGEST_STUDY = 49
-_MARGIN = 0.3  # inches, for the labels of axes in space, which the layout does not know
+_MARGIN = 0.4  # inches, for the labels of axes in space, which the layout does not know
+_GAP = 0.1  # of the axes: before the scale of colours, for the same labels
 _NO_VOLUME = 1e-12  # of area and diagonal: what rounding leaves
 
 
@@ -102,6 +103,7 @@ def draw_surface(
     faces = min(_FACES["one"], max(_LEAST_FACES, math.isqrt(_MOST_FACES // len(patches))))
     drawing = _drawing(patches, turned, colour_by, faces)
     with written_picture(path, (8.0, 6.5), title or "Surface", unit) as figure:
+        _leave_room(figure)
         axes = figure.add_subplot(projection="3d")
         framed(axes, [drawing.points], unit)
         _draw(figure, [(axes, drawing)], colour_by, unit, view_along(drawing.points))
@@ -149,9 +151,7 @@ def draw_patch_study(
     with written_picture(
         path, (max(3.0 * columns, 6.0), 3.0 * rows + 0.6), title or "Design variables", unit
     ) as figure:
-        width, height = figure.get_size_inches()
-        left, below = _MARGIN / width, _MARGIN / height
-        figure.get_layout_engine().set(rect=(left, below, 1 - left, 1 - below))
+        _leave_room(figure)
         cells = []
         for place, (variant, drawing) in enumerate(zip(study.variants, drawings, strict=True)):
             axes = figure.add_subplot(rows, columns, place + 1, projection="3d")
@@ -203,6 +203,13 @@ def _figures(study: PatchStudy, variant: PatchVariant, diagonal: float, unit: st
     )
 
 
+def _leave_room(figure: Any) -> None:
+    """Margins on the left and below for the labels of axes."""
+    width, height = figure.get_size_inches()
+    left, below = _MARGIN / width, _MARGIN / height
+    figure.get_layout_engine().set(rect=(left, below, 1 - left, 1 - below))
+
+
 # --- what is drawn ----------------------------------------------------------------------------------------------------
 
 
@@ -243,7 +250,8 @@ def _draw(
     if colour_by is not None:
         extend = "both" if beyond else "neither"
         label = f"{colour_by} ({_CURVATURES[colour_by][1].format(unit)})"
-        bar = figure.colorbar(scale, ax=[axes for axes, _ in cells], shrink=0.6, aspect=30, extend=extend, label=label)
+        beside = [axes for axes, _ in cells]
+        bar = figure.colorbar(scale, ax=beside, shrink=0.6, aspect=30, pad=_GAP, extend=extend, label=label)
         bar.outline.set_edgecolor(GREY)
 
 

@@ -65,7 +65,7 @@ def line(model: Path, outcome: Outcome) -> str:
     counts = Counter(row["verdict"] for row in outcome.verdicts)
     verdict = ", ".join(f"{count} {verdict}" for verdict, count in counts.items()) or "not written"
     if outcome.joints and not outcome.failed:
-        verdict += f", {len(outcome.joints)} joints kept"
+        verdict += f", {len(outcome.joints)} joint{'s' if len(outcome.joints) > 1 else ''} kept"
     deviation = rounded_up(max(deviations)) if deviations else "-"
     return COLUMNS.format(model.name, len(outcome.shapes), poles, exact, deviation, f"{outcome.seconds:.1f}", verdict)
 

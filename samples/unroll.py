@@ -160,8 +160,8 @@ def draw_sheet(axes: Axes, sheet: Sheet) -> None:
     axes.fill(*outer.T, facecolor=PAPER, edgecolor=INK, linewidth=1.2)
     for hole in holes:
         axes.fill(*hole.T, facecolor="#ffffff", edgecolor=INK, linewidth=1.2, zorder=3)
-    for line in sheet.bend:
-        axes.plot(*(np.array([line.start, line.end]) @ turn).T, color=BEND, linewidth=0.6, dashes=(6, 3))
+    for piece in (piece for line in sheet.bend for piece in line.pieces):
+        axes.plot(*(np.array(piece) @ turn).T, color=BEND, linewidth=0.6, dashes=(6, 3))
     for mark in sheet.mark:
         axes.plot(*(mark.points() @ turn).T, color=MARK, linewidth=1.0)
     axes.set_aspect("equal")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -20,3 +21,16 @@ def written(folder: Path, *shapes: Any, **head: Any) -> Path:
 def loaded(folder: Path, *shapes: Any, **head: Any) -> Model:
     """The same, read."""
     return gtcad.load_model(written(folder, *shapes, **head))
+
+
+def sent_round(model: Model, path: Path) -> dict[str, Any]:
+    """The content of a file that the model is written to, from which its patches come back bit for bit."""
+    gtcad.dump_model(model, path)
+    back = gtcad.load_model(path)
+    assert back == model
+    for name, patch in model.items():
+        assert type(back[name]) is type(patch)
+        assert back[name].coefficients.tobytes() == patch.coefficients.tobytes(), name
+    text = path.read_text()
+    data: dict[str, Any] = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+    return data

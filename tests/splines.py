@@ -8,6 +8,7 @@ from typing import Any
 import mpmath as mp
 import numpy as np
 
+from gtcad.converters.bspline import BSplineCurve, BSplineSurface
 from tests import reference
 
 
@@ -26,6 +27,18 @@ def basis(flat: Sequence[float], degree: int, x: Any) -> dict[int, Any]:
             raised[i] = total
         values = raised
     return values
+
+
+def exact_point(spline: Any, x: float) -> list[Any]:
+    """The point of a spline curve, rational or not, at the digits that mpmath is set to."""
+    near = basis(spline.flat_knots.tolist(), spline.degree, mp.mpf(x))
+    unit = np.ones(len(spline.control_points)) if spline.weights is None else spline.weights
+    shares = {i: value * mp.mpf(float(unit[i])) for i, value in near.items()}
+    total = mp.fsum(shares.values())
+    return [
+        mp.fsum(share * mp.mpf(float(spline.control_points[i, k])) for i, share in shares.items()) / total
+        for k in range(spline.dimension)
+    ]
 
 
 def curve_error(curve: Any, spline: Any, t: float, at: Any = None) -> float:
@@ -68,3 +81,38 @@ def surface_error(surface: Any, spline: Any, u: float, v: float) -> float:
             )
             total += (model - held) ** 2
         return float(mp.sqrt(total))
+
+
+# --- in ordinary numbers: any splines, and their points ---------------------------------------------------------------
+
+PLACES = np.linspace(0, 1, 121)
+
+
+def random_knots(rng, degree, ends=(0.0, 1.0)):
+    inner = np.sort(rng.choice(np.linspace(*ends, 23)[1:-1], int(rng.integers(0, 5)), replace=False))
+    counts = [degree + 1, *rng.integers(1, degree + 1, len(inner)).tolist(), degree + 1]
+    return [ends[0], *inner, ends[1]], counts
+
+
+def random_curve(rng, rational, ends=(0.0, 1.0)):
+    degree = int(rng.integers(1, 6))
+    knots, counts = random_knots(rng, degree, ends)
+    count = sum(counts) - degree - 1
+    weights = rng.uniform(0.6, 1.6, count) if rational else None
+    return BSplineCurve(rng.normal(size=(count, 3)), knots, counts, degree, weights)
+
+
+def random_surface(rng, rational, ends=(0.0, 1.0)):
+    degrees = [int(n) for n in rng.integers(1, 5, 2)]
+    u, v = (random_knots(rng, degree, ends) for degree in degrees)
+    shape = tuple(sum(counts) - degree - 1 for (_, counts), degree in zip((u, v), degrees, strict=True))
+    weights = rng.uniform(0.6, 1.6, shape) if rational else None
+    return BSplineSurface(rng.normal(size=(*shape, 3)), *u, degrees[0], *v, degrees[1], weights)
+
+
+def points(spline, x=PLACES):
+    """Over the domain, at places on [0, 1] in each direction."""
+    if isinstance(spline, BSplineCurve):
+        return spline.evaluate(np.interp(x, [0, 1], spline.domain))
+    (u0, u1), (v0, v1) = spline.domain
+    return spline.evaluate((u0 + (u1 - u0) * x)[:, None], (v0 + (v1 - v0) * x)[None, :])

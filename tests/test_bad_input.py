@@ -341,6 +341,7 @@ GROUPS: dict[str, list[Case]] = {
             model(SURFACE | {"control_points": [[[i, i * i, 0]] * 3 for i in range(3)]}),
         ),
         Case("triangles of curves", ["export", "model.json", "-o", "a.stl", "--tolerance", "1"], 3, model(CURVE)),
+        Case("triangles of caps", ["export", "model.json", "-o", "a.stl", "--tolerance", "1"], 3, model(POT, TUBE)),
         Case("a tolerance below double precision", [*EXPORT[:-1], "1e-18"], 1, model(SURFACE)),
         Case(
             "a tolerance below double precision for one shape of two",

@@ -37,8 +37,6 @@ from gtcad.quilt import Quilt, Use
 from gtcad.restricted import Restricted
 from gtcad.solid import Solid
 
-Array = Any
-
 TOLERANCE = 1e-3
 LIMITS = Thresholds(gap=1e-7, angle_deg=1e-6, curvature=1e-6, curvature_rate=1e-4)
 COLOURS = ("#102030", "#fe0180", "#00ff00")
@@ -229,10 +227,6 @@ def test_volumes_of_turned_profiles_are_those_of_the_integral_over_discs():
 # --- sheets -----------------------------------------------------------------------------------------------------------
 
 ORDERS = ("C0", "C1", "C2", "C3", "G1", "G2", "G3")
-
-
-def random_scale(rng):
-    return (float(np.exp(rng.normal(0, 0.15))), *rng.normal(0, 0.2, 2).tolist())
 
 
 def random_sheet(rng):

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from gtcad import BERNSTEIN, Curve, Restricted, Surface
 from gtcad.centroids import area_centroid, vector_area, volume_centroid
+from gtcad.converters.bspline import BSplineSurface
 from gtcad.errors import InputError
 from gtcad.patches import Ruled, cone
 from tests import pieces
@@ -71,6 +72,13 @@ def test_the_vector_area_depends_on_the_boundary_alone():
     bulged = Surface(points, flat.gamma_u, flat.gamma_v)
     assert vector_area(flat) == pytest.approx([0, 0, 6], abs=1e-11)
     assert vector_area(bulged) == pytest.approx([0, 0, 6], abs=1e-11)
+
+
+def test_splines_have_it_over_their_own_domain():
+    net = [[[1, 0, 6], [1, 3, 6]], [[3, 0, 6], [3, 3, 6]]]
+    sheet = BSplineSurface(net, [2, 6], [2, 2], 1, [-1, 4], [2, 2], 1)
+    assert np.allclose(area_centroid(sheet).point, [2, 1.5, 6], rtol=0, atol=1e-12)
+    assert np.allclose(vector_area(sheet), [0, 0, 6], rtol=0, atol=1e-12)
 
 
 def test_what_has_none_is_refused():

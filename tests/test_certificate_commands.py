@@ -139,9 +139,27 @@ def test_json_says_whether_it_is_verified(folder: Path) -> None:
     assert document["certificate"] == {"created": "2024-02-29T12:00:00+00:00", "verified": True, "problems": []}
     changed(folder, deviation=[0.0, 1e-9])
     result = verified(folder, "--json")
-    found = json.loads(result.stdout)["certificate"]
+    document = json.loads(result.stdout)
+    found = document["certificate"]
+    assert document["code"] == 1
     assert (result.exit_code, found["verified"], len(found["problems"])) == (1, False, 1)
     assert result.stderr == f"Error: the certificate is not verified: {found['problems'][0]}\n"
+
+
+def test_reports_say_whether_the_certificate_is_verified_and_by_what(folder: Path, tmp_path: Path) -> None:
+    line = "the certificate of 2024-02-29T12:00:00+00:00 is verified: 2 proved within 0.0001 mm"
+    assert verified(folder, "--report", tmp_path / "a.html").exit_code == 0
+    text = (tmp_path / "a.html").read_text()
+    assert f"{line} (checked again by gtcad {gtcad.__version__}, OCCT " in text
+    assert text.count('class="badge verified"') == text.count('class="headline passed"') == 1
+    assert 'class="badge kept"' in text.partition("the file keeps 6 of 6 statements about areas")[0]
+    changed(folder, deviation=[0.0, 1e-9])
+    assert verified(folder, "--report", tmp_path / "b.html").exit_code == 1
+    text = (tmp_path / "b.html").read_text()
+    assert 'class="headline failed"' in text
+    assert "Its certificate is not verified." in text
+    assert "is not verified: shape &#x27;roof&#x27;: the deviation lies in" in text
+    assert 'class="badge verified"' not in text
 
 
 @pytest.mark.parametrize("text", ["", "{}", "no JSON", '{"gtcad_certificate": 1}'])
@@ -310,3 +328,4 @@ def test_the_print_shows_the_statements(outcome: Outcome, monkeypatch: pytest.Mo
     assert (tmp_path / "a.pdf").read_bytes().startswith(b"%PDF")
     assert texts.count("centre of gravity") == 2
     assert any("3 statements broken" in text for text in texts)
+    assert any("broken: the file keeps 3 of 6 statements" in text for text in texts)

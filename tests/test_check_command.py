@@ -221,8 +221,8 @@ def test_many_findings_are_cut_short(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        ([], "FILE..."),
-        (["a.step", "--tolerance", "1"], "--against"),
+        ([], "FILE"),
+        (["a.step", "--tolerance", "1"], "--tolerance"),
         (["a.step", "--against", "b.json"], "--tolerance"),
         (["a.step", "--against", "b.txt", "--tolerance", "1"], "--against"),
         (["a.step", "--require-proof"], "--require-proof"),
@@ -233,6 +233,8 @@ def test_many_findings_are_cut_short(tmp_path: Path) -> None:
         (["a.step", "--report", "a.html", "--resume", "log"], "--report"),
         (["a.step", "-j", "0"], "--jobs"),
         (["a.step", "--scheduler", "tcp://a:1", "-j", "2"], "--jobs"),
+        (["a.step", "--scheduler", "nowhere"], "--scheduler"),
+        (["a.step", "--scheduler", "tcp://nowhere"], "--scheduler"),
         (["a.step", "b.step", "--in-process"], "--in-process"),
         (["a.step", "--timeout", "soon"], "--timeout"),
         (["a.step", "--memory", "100MB"], "--memory"),
@@ -245,6 +247,27 @@ def test_wrong_usage_is_told_before_any_file_is_opened(arguments: list[str], nam
     result = run(*arguments)
     assert result.exit_code == 2
     assert f"'{named}'" in result.stderr
+
+
+def test_a_list_of_checks_is_not_called_a_model() -> None:
+    assert "must be a list of checks, ending in .json or .toml, got 'l.txt'" in run("--manifest", "l.txt").stderr
+
+
+def test_a_model_for_construction_only_proves_nothing(folder: Path, tmp_path: Path) -> None:
+    model = tmp_path / "none.toml"
+    shape = 'name = "a"\nkind = "curve"\nconstruction = true\ncontrol_points = [[0, 0], [1, 2], [2, 0]]'
+    model.write_text(f"gtcad = 1\n[[shape]]\n{shape}\n")
+    result = run(folder / "out.step", "--against", model, "--tolerance", "1e-4", "--in-process")
+    assert (result.exit_code, result.stdout) == (3, "")
+    assert result.stderr == f"Error: {model}: all its shapes are for construction: there is nothing to check\n"
+
+
+def test_a_report_that_cannot_be_written_is_told_before_files_are_checked(folder: Path, tmp_path: Path) -> None:
+    for report in (tmp_path / "none" / "report.html", tmp_path / "folder.html"):
+        (tmp_path / "folder.html").mkdir(exist_ok=True)
+        result = run(folder / "out.step", folder / "out.step", "--report", report)
+        assert (result.exit_code, result.stdout) == (3, "")
+        assert result.stderr.startswith(f"Error: {report}: ")
 
 
 @pytest.mark.parametrize(("text", "seconds"), [("90", 90), ("1.5s", 1.5), ("10min", 600), ("2H", 7200), ("off", None)])

@@ -291,11 +291,35 @@ def test_info_of_an_exchange_file(model: Path, tmp_path: Path, name: str, form: 
         assert lines[4].split()[0] == "roof"
 
 
-def test_the_box_of_an_arc_is_that_of_its_points() -> None:
-    arc = EllipseArc([10, 0, 0], [3, 0, 0], [0, 2, 0], -7.0, -3.0)
-    box = jobs.describe_parts([Part("", arc, source="ELLIPSE")], "STEP")["box"]
-    points = arc.evaluate(np.linspace(-7.0, -3.0, 100_001))
-    assert np.allclose([box["least"], box["most"]], [points.min(axis=0), points.max(axis=0)], atol=1e-8)
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+@pytest.mark.parametrize("name", ["a.json", "a.step", "a.igs", "a.brep"])
+def test_a_pipe_is_not_waited_for(tmp_path: Path, name: str) -> None:
+    os.mkfifo(tmp_path / name)
+    result = process("info", tmp_path / name, timeout=60)
+    assert (result.returncode, result.stdout) == (3, "")
+    assert result.stderr in [f"Error: {tmp_path / name}: is {word} ordinary file\n" for word in ("no", "not an")]
+
+
+def test_a_name_that_no_file_can_have_is_no_output(model: Path, tmp_path: Path) -> None:
+    out = tmp_path / f"{'n' * 300}.step"
+    result = run("export", model, "-o", out, "--tolerance", "1e-3")
+    assert result.exit_code == 3
+    assert result.stderr.startswith(f"Error: {out}: cannot be written: ")
+
+
+def test_a_folder_without_permission_is_told_before_the_work(model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "access", lambda path, mode: False)  # nobody can take it from the superuser
+    monkeypatch.setattr(gtcad.model, "load_model", pytest.fail)
+    result = run("export", model, "-o", model.parent / "a.step", "--tolerance", "1e-3")
+    assert result.exit_code == 3
+    assert "a.step: cannot be written: the folder" in result.stderr
+
+
+def test_info_of_a_model_for_construction_only(tmp_path: Path) -> None:
+    gtcad.dump_model(Model({"arch": ARCH}, construction=frozenset({"arch"})), tmp_path / "m.toml")
+    first, *_, last = run("info", tmp_path / "m.toml").stdout.splitlines()
+    assert first.endswith("unit mm, size none: all its shapes are for construction")
+    assert last.split() == ["arch", "GT", "curve", str(ARCH.degree), str(ARCH.degree + 1), "construction"]
 
 
 def test_info_marks_what_is_trimmed_or_invalid(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -386,6 +410,21 @@ def test_every_error_has_a_code_and_a_message(
     debugged = CliRunner().invoke(cli.app, ["--debug", "info", str(model)])
     assert debugged.exit_code == code
     assert "Traceback (most recent call last):" in debugged.stderr
+
+
+def test_an_interrupt_is_none_of_the_errors_that_it_causes(monkeypatch: pytest.MonkeyPatch, model: Path) -> None:
+    def fail(path: str) -> Model:
+        try:
+            try:
+                raise KeyboardInterrupt
+            except KeyboardInterrupt as stop:
+                raise ImportError("initialization failed") from stop  # as extensions do that are stopped at their start
+        except ImportError as broken:
+            raise KernelMissing("the CAD kernel is broken: install another") from broken
+
+    monkeypatch.setattr(gtcad.model, "load_model", fail)
+    result = run("info", model)
+    assert (result.exit_code, result.stdout, result.stderr) == (130, "", "")
 
 
 def test_a_process_ends_with_message_code_and_no_traceback(tmp_path: Path) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import tomllib
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -11,9 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-import gtcad
 from gtcad import BERNSTEIN, Curve, Restricted
-from gtcad.converters.jobs import describe_model
+from gtcad.converters.descriptions import describe_model
 from gtcad.errors import InputError, ModelError
 from gtcad.model import Model, schema
 from gtcad.patches import (
@@ -27,7 +24,7 @@ from gtcad.patches import (
     quasi_developable,
 )
 from gtcad.protocol import SeparableSurface
-from tests.model_files import loaded
+from tests.model_files import loaded, sent_round
 from tests.patches.developables import LOW, regular_patches
 from tests.test_model import valid_by_schema
 
@@ -80,15 +77,7 @@ def patches() -> dict[str, SeparableSurface]:
 @pytest.mark.parametrize("suffix", [".json", ".toml"])
 def test_reading_what_was_written_gives_the_same_patches_bit_for_bit(tmp_path: Path, suffix: str) -> None:
     model = Model(patches(), "in", {"tangent": "#102030"}, frozenset({"part"}))
-    path = tmp_path / f"m{suffix}"
-    gtcad.dump_model(model, path)
-    back = gtcad.load_model(path)
-    assert back == model
-    for name, patch in model.items():
-        assert type(back[name]) is type(patch)
-        assert back[name].coefficients.tobytes() == patch.coefficients.tobytes(), name
-    text = path.read_text()
-    data = json.loads(text) if suffix == ".json" else tomllib.loads(text)
+    data = sent_round(model, tmp_path / f"m{suffix}")
     kinds = [entry["kind"] for entry in data["shape"]]
     assert kinds == [
         *["enveloping"] * 3,
@@ -134,6 +123,13 @@ def test_the_kinds_are_what_they_say(tmp_path: Path) -> None:
     assert model["quasi"].max_twist_deg == 80
     assert len(model["searched"].pairing) == 7
     assert list(model.in_millimetres()) == [name for name in model if name != "curve"]
+
+
+@pytest.mark.parametrize("shape", [ENVELOPING, TANGENT, QUASI], ids=["enveloping", "tangent", "quasi"])
+def test_null_is_a_field_left_out(tmp_path: Path, shape: dict[str, Any]) -> None:
+    field = "max_twist" if shape is QUASI else "placement"
+    assert loaded(tmp_path, CURVE, shape | {field: None})["x"] == loaded(tmp_path, CURVE, shape)["x"]
+    assert valid_by_schema({"gtcad": 1, "shape": [CURVE, shape | {field: None}]}, SCHEMA)
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from gtcad import BERNSTEIN, Composite, Curve, Restricted, Surface, measure
+from gtcad._flat_places import first_crossing
 from gtcad.conics import circle
 from gtcad.errors import InputError, NotDevelopable
 from gtcad.factors import CurveOfTerms, Stacked, Waves
@@ -309,6 +310,19 @@ def test_a_ruling_that_vanishes_inside_is_refused() -> None:
     assert caught.value.parameter == pytest.approx(0.5)
 
 
+@pytest.mark.parametrize("place", [2e-5, 1e-3, 0.123, 1 / math.pi, 0.9995])
+def test_rulings_that_turn_back_between_samples_are_refused(place: float) -> None:
+    """Lines that cross at equal parameters; and a line that is run back after its end."""
+    slope = np.array([0.3, 1.0])
+    first = Curve([[0, 0], [1, 0]], family=BERNSTEIN)
+    second = Curve([[place, 0] - place * slope, [place, 0] + (1 - place) * slope], family=BERNSTEIN)
+    run_back = Curve([[place**2, 0, 0], [place**2 - place, 0, 0], [(1 - place) ** 2, 0, 0]], family=BERNSTEIN)
+    for patch, reason in ((Ruled(first, second), "no length"), (cylinder(run_back, [0, 0, 1]), "is still")):
+        with pytest.raises(NotDevelopable, match=reason) as caught:
+            develop(patch)
+        assert caught.value.parameter == pytest.approx(place, rel=1e-9)
+
+
 @pytest.mark.parametrize(
     "other", [Surface(np.random.default_rng(0).random((3, 3, 3))), Rotation(SWING, [0, 0, 0], [0, 0, 1])]
 )
@@ -523,6 +537,31 @@ def test_patterns_that_lie_over_themselves_are_found(turns: float, overlaps: boo
 @each_patch
 def test_plain_patches_do_not_overlap(patch: SeparableSurface) -> None:
     assert develop(patch).overlap is None
+
+
+def crosses_itself(polygon: Array) -> bool:
+    """By every pair of sides: whether each has its ends on both sides of the other."""
+    sides = list(zip(polygon, np.roll(polygon, -1, axis=0), strict=True))
+    across = [[tuple(np.sign(np.linalg.det([b - a, end - a])) for end in other) for other in sides] for a, b in sides]
+    return any(
+        {across[i][j], across[j][i]} <= {(1, -1), (-1, 1)} for i in range(len(sides)) for j in range(i + 1, len(sides))
+    )
+
+
+@pytest.mark.parametrize("stretch", [(1, 1), (9, 1), (1, 9)])
+def test_crossings_are_those_of_every_pair_of_sides(stretch: tuple[int, int]) -> None:
+    rng, found = np.random.default_rng(5), 0
+    for count in rng.integers(3, 8, 200):
+        for polygon in (rng.integers(0, 5, (count, 2)) * stretch, rng.normal(size=(count, 2)) * stretch):
+            crossing = first_crossing(polygon.astype(float))
+            assert (crossing is not None) == crosses_itself(polygon)
+            if crossing is not None:
+                found += 1
+                closed = np.concatenate([polygon, polygon[:1]])
+                for place in crossing.places:
+                    x, y = (np.interp(place * count, np.arange(count + 1), axis) for axis in closed.T)
+                    assert (x, y) == pytest.approx(crossing.point, abs=1e-9)
+    assert 100 < found < 300
 
 
 # --- motions ----------------------------------------------------------------------------------------------------------

@@ -113,6 +113,32 @@ def test_rulings_in_u_and_in_v_go_together() -> None:
     assert len(strip.creases) == 1
 
 
+@pytest.mark.parametrize("turned", [(), (0,), (1, 2), (0, 1, 2, 3)])
+def test_plates_go_together_by_either_pair_of_sides(turned: tuple[int, ...]) -> None:
+    """A folded channel with a lip, each plate between two fold lines: these are sides in v, or in u where turned."""
+    section = [(0, 0, 30), (0, 0, 0), (100, 0, 0), (100, 0, 40), (80, 0, 40)]
+    folds = [line((x, 0, z), (x, 200, z)) for x, _, z in section]
+    plates: list[SeparableSurface] = [Ruled(a, b) for a, b in pairwise(folds)]
+    for k in turned:
+        ends = [folds[k].control_points, folds[k + 1].control_points]
+        plates[k] = Ruled(line(ends[0][0], ends[1][0]), line(ends[0][1], ends[1][1]))
+    strip = develop_strip(plates)
+    assert strip.gap < 1e-12
+    assert strip.overlap is None
+    assert enclosed(strip) == pytest.approx(200 * (30 + 100 + 40 + 20), rel=1e-12)
+    assert [abs(crease.angle_deg) for crease in strip.creases] == pytest.approx([90, 90, 90], rel=1e-12)
+    assert len({math.copysign(1, crease.angle_deg) for crease in strip.creases}) == 1  # all to one side
+    for pattern, crease, fold in zip(strip.patterns[:-1], strip.creases, folds[1:-1], strict=True):
+        ends = pattern.patch.evaluate(*pattern.locate([crease.start, crease.end]).T)
+        np.testing.assert_allclose(ends[ends[:, 1].argsort()], fold.control_points, atol=1e-9)
+
+
+def test_plates_of_the_plane_have_no_creases() -> None:
+    plates = [Ruled(line([x, 0], [x + 3, 0]), line([x, 2], [x + 3, 2])) for x in (0, 3)]
+    strip = develop_strip(plates)
+    assert (strip.creases, float(strip.area)) == ((), pytest.approx(12))
+
+
 @pytest.mark.parametrize(("direction", "angle"), [([1, 0], 0.0), ([1, 1], -45.0), ([1, -1], 45.0), ([0, 1], -90.0)])
 def test_creases_say_how_far_to_fold(direction: list[float], angle: float) -> None:
     """Walls along x, then along a direction; the normal is -y, so that turning towards y is away from the viewer."""
@@ -136,6 +162,24 @@ def test_bend_lines_are_shared_out_by_the_turning() -> None:
     assert math.fsum(line.angle_deg for line in lines) == pytest.approx(
         math.fsum(math.degrees(pattern.turning) for pattern in strip.patterns) * np.sign(lines[0].angle_deg), rel=1e-4
     )
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 5, 6, 7, 12])
+def test_there_are_as_many_bend_lines_as_asked_for(count: int) -> None:
+    quarters = [[[1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 0], [-1, 1, 0], [-1, 0, 0]]]
+    quarters += [[[-1, 0, 0], [-1, -1, 0], [0, -1, 0]], [[0, -1, 0], [1, -1, 0], [1, 0, 0]]]
+    strip = develop_strip([cylinder(Curve(points), [0, 0, 3]) for points in quarters])
+    assert len(strip.bend_lines(count)) == count
+    flat = cylinder(line([0, 1, 0], [-9, 1, 0]), [0, 0, 3])
+    lines = develop_strip([cylinder(Curve(quarters[0]), [0, 0, 3]), flat]).bend_lines(count)
+    assert len(lines) == count
+    assert all(line.start[0] < math.pi / 2 for line in lines)
+
+
+@pytest.mark.parametrize("count", [-1, 2.5, True, "3"])
+def test_numbers_of_bend_lines_that_are_none(count: object) -> None:
+    with pytest.raises(InputError, match="count must be a whole number from 0, got"):
+        develop_strip(hopper()).bend_lines(count)  # type: ignore[arg-type]
 
 
 def test_a_ring_is_cut_at_the_first_ruling_of_the_first_patch() -> None:
@@ -163,6 +207,9 @@ def test_a_quilt_keeps_its_names_and_curves_their_patches() -> None:
             strip.image(which, curve)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="outside the strip"):
         strip.locate([1e5, 0])
+    for point in ([0, 0, 0], [[0, 0], [1, 1]], [math.nan, 0]):
+        with pytest.raises(InputError, match="point must be two finite numbers"):
+            strip.locate(point)
 
 
 def test_what_is_no_strip_is_refused() -> None:
@@ -188,3 +235,16 @@ def test_a_gap_is_allowed_where_it_is_asked_for() -> None:
     with pytest.raises(NotDevelopable, match="shares no ruling"):
         develop_strip([first, shifted])
     assert develop_strip([first, shifted], gap=1e-5).gap == pytest.approx(1e-3, rel=1e-6)
+
+
+def test_a_quilt_that_states_a_gap_is_a_strip_with_it() -> None:
+    first, second, *_ = hopper()
+    shifted = second.transformed(np.eye(3), [0, 0, 1e-3])
+    [edge] = Quilt.recognised([first, second]).edges
+    strip = develop_strip(Quilt.recognised([first, shifted], stated=[edge], gap=2e-3))
+    assert strip.gap == pytest.approx(1e-3, rel=1e-6)
+
+
+def test_what_is_no_patch_is_refused_by_name() -> None:
+    with pytest.raises(InputError, match="'patch 2' must be a surface, got Curve"):
+        develop_strip([hopper()[0], BOW])  # type: ignore[list-item]

@@ -15,9 +15,13 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from gtcad.basis import BERNSTEIN
+from gtcad.composite import Composite
+from gtcad.conics import circle
+from gtcad.converters.bspline import BSplineCurve, BSplineSurface
 from gtcad.curve import Curve
 from gtcad.errors import InputError
 from gtcad.measure import Estimate, area, curvature_energy, dirichlet_energy, length, volume
+from gtcad.offset import offset
 from gtcad.restricted import Restricted
 from gtcad.surface import Surface
 from tests.test_differential import ENNEPER, SPHERE, Helix, polynomial_curve, polynomial_surface, rotated
@@ -200,6 +204,37 @@ def test_curvature_energy_of_lines_and_points() -> None:
     assert math.isnan(curvature_energy(Curve(np.ones((3, 3)))))
 
 
+# Chains and splines: the whole domain counts
+
+
+def test_a_chain_is_measured_from_its_start_to_its_end() -> None:
+    ring = circle([1, 2, 3], 5, [1, 1, 1])
+    assert float(length(ring)) == pytest.approx(2 * math.pi * 5, rel=1e-14)
+    assert float(curvature_energy(ring)) == pytest.approx(2 * math.pi / 5, rel=1e-13)
+    outer = offset(circle([0, 0], 5), -2)  # a negative one is to the right: outside
+    assert float(length(outer)) == pytest.approx(2 * math.pi * 7, rel=1e-13)
+    bent = Composite((Curve([[0, 0], [1, 0]], family=BERNSTEIN), Curve([[1, 0], [1, 1], [2, 1]])), ("G0",))
+    assert float(length(bent)) == pytest.approx(1 + math.pi / 2, rel=1e-14)
+    assert length(bent).error < 1e-12
+
+
+def test_a_spline_is_measured_over_its_own_domain() -> None:
+    # y = x^2 from 0 to 1, in two spans over [2, 6]
+    poles = np.array([[0, 0], [0.25, 0], [0.75, 0.5], [1, 1]])
+    parabola = BSplineCurve(poles, [2, 4, 6], [3, 1, 3], 2)
+    assert float(length(parabola)) == pytest.approx(math.sqrt(5) / 2 + math.asinh(2) / 4, rel=1e-13)
+    expected, _ = quad(lambda x: 4 / (1 + 4 * x * x) ** 2.5, 0, 1)
+    assert float(curvature_energy(parabola)) == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_spline_surface_is_measured_over_its_own_domain() -> None:
+    net = [[[0, 0, 6], [0, 3, 6]], [[2, 0, 6], [2, 3, 6]]]
+    sheet = BSplineSurface(net, [2, 6], [2, 2], 1, [-1, 4], [2, 2], 1)
+    assert float(area(sheet)) == pytest.approx(6, rel=1e-13)
+    assert float(volume(sheet)) == pytest.approx(2 * 3 * 6 / 3, rel=1e-13)
+    assert float(dirichlet_energy(sheet)) == pytest.approx(((2 / 4) ** 2 + (3 / 5) ** 2) / 2 * 20, rel=1e-13)
+
+
 # Area
 
 
@@ -360,6 +395,14 @@ def test_volume_of_a_ring() -> None:
 def test_refuses_accuracies(measure: object, rtol: float) -> None:
     with pytest.raises(InputError, match="rtol"):
         measure(REFERENCE if measure in (length, curvature_energy) else SKEW, rtol=rtol)
+
+
+@pytest.mark.parametrize("measure", [length, curvature_energy, area, volume, dirichlet_energy])
+def test_says_what_a_wrong_shape_is(measure: object) -> None:
+    of_curves = measure in (length, curvature_energy)
+    for strange in (SKEW if of_curves else REFERENCE, None, "arch"):
+        with pytest.raises(InputError, match=f"must be a {'curve' if of_curves else 'surface'}, got "):
+            measure(strange)
 
 
 def test_volume_needs_space() -> None:

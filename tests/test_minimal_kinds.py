@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,7 @@ from gtcad.model import Model, schema
 from gtcad.patches import Plateau, TBCoons, dirichlet_extremal, fixed_contour, minimal_patch, tb_coons_extremal
 from gtcad.protocol import SeparableSurface
 from gtcad.quilt import Quilt
-from tests.model_files import loaded, written
+from tests.model_files import loaded, sent_round, written
 from tests.patches.kinds import FRAME, INTERIOR, TILTS
 from tests.test_model import valid_by_schema
 
@@ -61,14 +60,7 @@ def sides(post: Restricted) -> list[Curve]:
 @pytest.mark.parametrize("suffix", [".json", ".toml"])
 def test_reading_what_was_written_gives_the_same_patches_bit_for_bit(tmp_path: Path, suffix: str) -> None:
     model = Model(patches(), "in", {"flat": "#102030"}, frozenset({"part"}))
-    path = tmp_path / f"m{suffix}"
-    gtcad.dump_model(model, path)
-    back = gtcad.load_model(path)
-    assert back == model
-    for name, patch in model.items():
-        assert type(back[name]) is type(patch)
-        assert back[name].coefficients.tobytes() == patch.coefficients.tobytes(), name
-    data = json.loads(path.read_text()) if suffix == ".json" else tomllib.loads(path.read_text())
+    data = sent_round(model, tmp_path / f"m{suffix}")
     assert [entry["kind"] for entry in data["shape"]] == ["plateau"] * 4 + ["tb_coons"] * 2
     assert valid_by_schema(data, SCHEMA)
 

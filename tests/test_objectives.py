@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import mpmath as mp
@@ -306,6 +307,24 @@ def test_objectives_that_do_not_fit_are_refused_with_those_that_do() -> None:
     assert set(STRIP) <= set(objectives_of(SADDLE))
     for shape in (CURVE_3D, BOWL, SADDLE, PLANES):
         assert set(objectives_of(shape)) <= set(KNOWN)
+
+
+def test_rulings_that_only_have_their_middle_on_the_chord_are_not_straight() -> None:
+    bent = np.array([[[x, y, z] for y, z in ((0, 0), (1, 1), (2, -1), (3, 0))] for x in (0.0, 1.0)])
+    assert not set(STRIP) & set(objectives_of(Surface(bent, family_u=BERNSTEIN)))
+    bent[..., 2] = 0
+    assert set(STRIP) <= set(objectives_of(Surface(bent, family_u=BERNSTEIN, family_v=BERNSTEIN)))
+
+
+def test_a_limit_of_the_twist_changes_no_value_and_takes_no_gradient() -> None:
+    free = quasi_developable(CURVE_3D, CURVE_3D.transformed(np.eye(3), [0, 1, 5]))
+    limited = replace(free, max_twist_deg=free.report.twist_bound_deg + 1e-9)
+    designs = np.random.default_rng(5).uniform(-1, 1, (4, 4))
+    found, wanted = (evaluator(DesignSpace.of(shape, None), "area") for shape in (limited, free))
+    assert np.array_equal(found.values(designs), wanted.values(designs))
+    assert found.gradient is not None
+    assert wanted.gradient is not None
+    assert np.array_equal(found.gradient(designs[0]), wanted.gradient(designs[0]))
 
 
 @pytest.mark.parametrize("designs", [[[0, 0, 0]], [0, 0], [[0, 1.5]], [[0, math.nan]]])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import tomllib
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -11,13 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-import gtcad
 from gtcad import BERNSTEIN, GT, Curve, Restricted
 from gtcad.errors import InputError, ModelError
 from gtcad.model import Model, schema
 from gtcad.patches import Coons, Lofted, Rotation, Ruled, Sweep, Swept, Swung, cone, cylinder
 from gtcad.protocol import SeparableSurface
-from tests.model_files import loaded
+from tests.model_files import loaded, sent_round
 from tests.test_model import valid_by_schema
 
 SCHEMA = schema()
@@ -82,15 +79,7 @@ def patches() -> dict[str, SeparableSurface]:
 @pytest.mark.parametrize("suffix", [".json", ".toml"])
 def test_reading_what_was_written_gives_the_same_patches_bit_for_bit(tmp_path: Path, suffix: str) -> None:
     model = Model(patches(), "in", {"coons": "#102030"}, frozenset({"swept"}))
-    path = tmp_path / f"m{suffix}"
-    gtcad.dump_model(model, path)
-    back = gtcad.load_model(path)
-    assert back == model
-    for name, patch in model.items():
-        assert type(back[name]) is type(patch)
-        assert back[name].coefficients.tobytes() == patch.coefficients.tobytes(), name
-    text = path.read_text()
-    data = json.loads(text) if suffix == ".json" else tomllib.loads(text)
+    data = sent_round(model, tmp_path / f"m{suffix}")
     kinds = {entry["name"]: entry["kind"] for entry in data["shape"]}
     assert {name: kind for name, kind in kinds.items() if name.split()[-1] != kind} == {
         "cylinder": "ruled",

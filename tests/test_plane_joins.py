@@ -1,13 +1,14 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from gtcad import BERNSTEIN
+from gtcad import BERNSTEIN, GT
 from gtcad.basis import Basis
 from gtcad.continuity import Start
 from gtcad.developable_studies import gamma_effects
@@ -76,6 +77,62 @@ def test_joins_are_of_their_order(order, seed):
         expected = WEIGHTS if order in ("G2", "G3") else (1, 0, 0, 0)
         assert weights[: count + 1] == pytest.approx(expected[: count + 1], abs=1e-6)
     assert report.beta == (order in (BETA, FARIN_BOEHM) or report.parametric_order >= 2)
+
+
+def halves(points, place):
+    """Bezier control points of both parts, by de Casteljau's algorithm."""
+    rows, first, last = [np.array(row, float) for row in points], [], []
+    while rows:
+        first.append(rows[0])
+        last.append(rows[-1])
+        rows = [(1 - place) * a + place * b for a, b in pairwise(rows)]
+    return first, last[::-1]
+
+
+@pytest.mark.parametrize("degree", [2, 3, 4, 5])
+@pytest.mark.parametrize("place", [0.5, 1 / 3])
+@pytest.mark.parametrize("reach", [1.0, 40.0])
+def test_a_family_that_is_cut_in_two_goes_on(degree, place, reach):
+    rng = np.random.default_rng(degree)
+    turn = np.linspace(0, 1.2, degree + 1)
+    tilt, far = 0.2 + 0.1 * rng.normal(size=degree + 1), 50 + rng.normal(size=degree + 1)
+    parts = halves(np.column_stack([np.cos(turn), np.sin(turn), tilt, far]), place)
+    report = check_plane_join(*(PlaneFamily(part, family=BERNSTEIN) for part in parts), reach=reach)
+    assert report.geometric_order == 3
+    assert report.order == ("C3" if place == 0.5 else "G3")
+    assert report.third_jump <= 1e-9
+    assert report.scale == pytest.approx(((1 - place) / place, 0, 0), abs=1e-9)
+
+
+@pytest.mark.parametrize("order", ["C3", "G3"])
+@pytest.mark.parametrize("family", [GT, BERNSTEIN])
+def test_third_derivatives_that_vanish_are_equal(order, family):
+    first = PlaneFamily([[1, 0, 0.2, 50], [0.8, 0.6, 0.3, 51], [0.4, 0.9, 0.1, 49]], family=BERNSTEIN)
+    assert not first.derivative(1.0, 3).any()
+    second = join_planes(first, 4, order=order, family=family, rest=[[0, 1, 0, 40]])
+    assert check_plane_join(first, second, reach=40).order == "C3"
+
+
+@pytest.mark.parametrize("far", [1e4, 1e6])
+def test_orders_do_not_depend_on_the_origin(far):
+    rng = np.random.default_rng(11)
+    for order in ("G1", "G2", "G3", "C2"):
+        pair = random_join(rng, order, FIRST)
+        near = check_plane_join(*pair, reach=40)
+        away = check_plane_join(*(one.transformed(np.eye(3), [far, -far, 0.3 * far]) for one in pair), reach=40)
+        assert (away.order, away.beta) == (near.order, near.beta)
+        assert away.order == order
+        assert away.third_jump > 1e-3 or order == "G3"
+        count = COUNTS[order]
+        assert away.scale[:count] == pytest.approx(near.scale[:count], abs=1e-6)
+
+
+def test_planes_at_right_angles():
+    first = PlaneFamily([[1, 0, 0, 5], [1, 1, 0.2, 6], [0, 1, 0, 5]])
+    report = check_plane_join(first, PlaneFamily([[1, 0, 0, 5], [1, 0, 1, 6], [0, 0.3, 1, 5]]))
+    assert report.plane_angle_deg == pytest.approx(90)
+    assert report.order == "none"
+    assert math.isnan(report.third_jump)
 
 
 def test_lower_orders_are_told_apart():
@@ -172,13 +229,25 @@ def test_ratios_of_other_joins_do_not_fit():
         (FARIN_BOEHM, {"ratios": (1, -1)}, "two numbers"),
         (FARIN_BOEHM, {"ratios": (1, 1), "scale": (2, 0, 0)}, "scale must be left alone"),
         ("G4", {}, "order must be one of"),
+        ("G2", {"scale": None}, "three finite numbers"),
+        ("G2", {"scale": "abc"}, "three finite numbers"),
+        ("G2", {"weights": (1, math.nan, 0, 0)}, "four finite numbers"),
+        (FARIN_BOEHM, {"ratios": 3}, "two numbers"),
         ("G2", {"rest": [[1, 2, 3, 4]]}, "rest must be 3 control planes for degree 5, G2; got 1"),
+        (
+            "G2",
+            {"rest": np.ones((1, 12))},
+            r"rest must be control planes \(a, b, c, d\), shape \(3, 4\), got \(1, 12\)",
+        ),
+        ("G2", {"rest": [[1, 2, 3, 4], [1]]}, "rest must be control planes"),
+        ("G2", {"rest": "planes"}, "rest must be control planes"),
+        ("G2", {"first": 3}, "first must be a PlaneFamily, got int"),
         ("G2", {"gamma": (0, 3)}, r"gamma\[1\] must lie"),
     ],
 )
 def test_wrong_arguments(order, change, message):
     with pytest.raises(InputError, match=message):
-        join_planes(FIRST, 5, **{"order": order, "rest": np.ones((3, 4)), **change})
+        join_planes(**{"first": FIRST, "degree": 5, "order": order, "rest": np.ones((3, 4)), **change})
 
 
 def test_joins_that_are_not_determined():
@@ -194,8 +263,14 @@ def test_joins_that_are_not_determined():
         join_planes(line, 3, order=FARIN_BOEHM, ratios=(1, 1), rest=[[0, 1, 0, 1]])
     with pytest.raises(InputError, match="degrees of 2 at least"):
         farin_boehm(line, FIRST)
-    with pytest.raises(InputError, match="reach must be"):
-        check_plane_join(FIRST, FIRST, reach=0)
+    for reach in (0, math.inf, "far"):
+        with pytest.raises(InputError, match="reach must be"):
+            check_plane_join(FIRST, FIRST, reach=reach)
+    with pytest.raises(InputError, match="b must be a PlaneFamily, got int"):
+        check_plane_join(FIRST, 3)
+    for first, second in ((still, FIRST), (FIRST, still.reversed()), (still, still)):
+        with pytest.raises(SingularJoin, match="ratios at the joint are not determined"):
+            farin_boehm(first, second)
 
 
 # The effect of the design variables
@@ -214,5 +289,7 @@ def test_the_effect_of_gamma():
         assert effect.regression_distance == math.inf
     assert effects[1].area == pytest.approx(80 * math.pi, rel=1e-12)
     assert effects[0].area > effects[1].area > effects[2].area
+    with pytest.raises(InputError, match="bound_b must be a plane"):
+        gamma_effects(planes, [0, 0, 1, 0], [0, 0, 0, 10], gammas)
     with pytest.raises(SingularDevelopable):
         planes.with_gamma((1, 1)).enveloping([0, 0, 1, 0], [0, 0, 1, 10])

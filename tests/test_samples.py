@@ -392,7 +392,7 @@ def assert_proved(file: Path, model: Path, tolerance: float) -> None:
 
 ROW = re.compile(
     r"\S+ +\d+ +\d+ +\d+ +(?P<deviation>\S+) +(?P<seconds>\S+)  ((?P<estimated>1) estimated, )?(?P<proved>\d+) proved"
-    r"(, (?P<joints>\d+) joints kept)?"
+    r"(, (?P<joints>\d+) joints? kept)?"
 )
 
 

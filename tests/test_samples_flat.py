@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from PIL import Image
 
 import gtcad
@@ -23,8 +22,6 @@ from gtcad.model import Model
 from gtcad.patches.developable import GeodesicDevelopable
 from gtcad.quilt import Quilt
 from tests.unfolding import unfolded
-
-Array = NDArray[np.float64]
 
 ROOT = Path(__file__).parents[1]
 SAMPLES = ("hopper", "hull-plate", "paper-lamp", "shoe-upper")

@@ -19,7 +19,6 @@ from gtcad.patches import Rotation, Swept
 from gtcad.quilt import Quilt
 from gtcad.surface_pictures import draw_patch_study, draw_surface
 
-SVG = "{http://www.w3.org/2000/svg}"
 MERIDIAN = CurveOfTerms(Waves(-math.pi / 2, math.pi), [[7, 5, 0], [20, 0, 0], [0, 0, 20]])
 SPHERE = Rotation(MERIDIAN, [7, 5, 0], [0, 0, 1])
 ARCH = Curve([[0, 0, 0], [20, 0, 30], [40, 0, 0]])
@@ -66,6 +65,23 @@ def test_equal_input_gives_equal_bytes(tmp_path, coarse):
         assert dict(mpl.rcParams) == before
     assert first.read_bytes() == second.read_bytes()
     assert b"date" not in first.read_bytes().lower()
+
+
+@pytest.mark.parametrize("turn", [np.eye(3), np.diag([1, 1, 0.1])[[1, 2, 0]], np.diag([0.2, 1, 1])[[2, 0, 1]]])
+@pytest.mark.parametrize("shape", [SADDLE, ROOF, SPHERE])
+def test_the_labels_of_axes_are_in_the_picture_and_beside_the_colours(tmp_path, coarse, monkeypatch, shape, turn):
+    drawn = []
+    draw = surface_pictures._draw
+    monkeypatch.setattr(surface_pictures, "_draw", lambda *given: (drawn.append(given), draw(*given)))
+    draw_surface(shape.transformed(turn), tmp_path / "a.png", colour_by="mean curvature")
+    [(figure, [(axes, _)], *_)] = drawn
+    renderer = figure.canvas.get_renderer()
+    [bar] = [other.get_tightbbox(renderer) for other in figure.axes if other is not axes]
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        label = axis.label.get_window_extent(renderer)
+        assert figure.bbox.x0 <= label.x0 < label.x1 <= figure.bbox.x1
+        assert figure.bbox.y0 <= label.y0 < label.y1 <= figure.bbox.y1
+        assert not label.overlaps(bar)
 
 
 def test_a_study_is_drawn_the_same_twice(tmp_path, coarse):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -83,6 +84,48 @@ def test_every_surface_and_strip_is_laid_out(path: Path, tmp_path: Path) -> None
     assert spans[0][1] < spans[1][0]
 
 
+def bends_of(path: Path) -> list[Any]:
+    """The lines on the layer BEND of a DXF file, from their lower to their upper ends."""
+    lines = ezdxf.readfile(path).modelspace().query('LINE[layer=="BEND"]')  # type: ignore[attr-defined]
+    return [sorted([(*line.dxf.start,)[:2], (*line.dxf.end,)[:2]], key=lambda point: point[1]) for line in lines]
+
+
+def test_twelve_rulings_are_bend_lines_unless_another_number_is_asked_for(tmp_path: Path) -> None:
+    model, output = tmp_path / "model.json", tmp_path / "flat.dxf"
+    gtcad.dump_model({"tube": cylinder(QUARTER, [0, 0, 9])}, model)
+    width = 2 * np.pi
+    for options, count in (((), 12), (("--bend-lines", "0"), 0), (("--bend-lines", "5"), 5)):
+        assert rows(model, "-o", output, *options)["tube"]["bend_lines"] == count
+        found = sorted(bends_of(output))
+        assert len(found) == count
+        for k, line in enumerate(found):  # a tube turns evenly
+            x = (k + 0.5) / count * width
+            np.testing.assert_allclose(line, [[x, 0], [x, 9]], atol=1e-6)
+
+
+def test_a_plane_has_no_bend_lines_and_a_fold_of_planes_has_one(tmp_path: Path) -> None:
+    model, output = tmp_path / "model.json", tmp_path / "flat.dxf"
+    plate = Ruled(*(Curve([[0, y, 0], [9, y, 0]], family=BERNSTEIN) for y in (0, 5)))
+    flange = Ruled(*(Curve([[0, 5, z], [9, 5, z]], family=BERNSTEIN) for z in (0, 3)))
+    gtcad.dump_model({"plate": plate, "angle": Quilt.recognised([plate, flange])}, model)
+    found = rows(model, "-o", output)
+    assert [(row["bend_lines"], row["area"]) for row in found.values()] == [(0, 45), (1, pytest.approx(72, rel=1e-12))]
+    [fold] = bends_of(output)
+    assert np.ptp(fold, axis=0).max() == pytest.approx(9, rel=1e-12)
+    rows(model, "-o", output, "--bend-lines", "0")
+    assert len(bends_of(output)) == 1  # without its crease the sheet is no angle
+
+
+def test_bend_lines_are_counted_whole_and_drawn_outside_of_holes(tmp_path: Path) -> None:
+    model, output = tmp_path / "model.json", tmp_path / "flat.dxf"
+    shapes = {"tube": cylinder(QUARTER, [0, 0, 10]), "slot": circle([0.5, 0.5], 0.3)}
+    marking = Marking("tube", "slot", hole=True)
+    gtcad.dump_model(Model(shapes, construction=frozenset({"slot"}), markings=(marking,)), model)
+    assert rows(model, "-o", output, "--bend-lines", "1")["tube"]["bend_lines"] == 1
+    ends = [[point[1] for point in line] for line in sorted(bends_of(output), key=lambda line: line[0][1])]
+    np.testing.assert_allclose(ends, [[0, 2], [8, 10]], atol=1e-6)
+
+
 @pytest.mark.parametrize("suffix", [".dxf", ".svg", ".SVG"])
 def test_the_table_and_the_file(path: Path, tmp_path: Path, suffix: str) -> None:
     output = tmp_path / f"flat{suffix}"
@@ -98,6 +141,8 @@ def test_shapes_can_be_chosen(path: Path, tmp_path: Path) -> None:
     result = run(path, "-o", tmp_path / "flat.svg", "--shape", "bax")
     assert result.exit_code == 3
     assert "the model has no shape 'bax' to unroll; it has 'cone', 'box'" in result.stderr
+    result = run(path, "-o", tmp_path / "flat.svg", "--shape", "slot")
+    assert (result.exit_code, "the shape 'slot' is for construction" in result.stderr) == (3, True)
 
 
 def test_what_is_not_developable_fails_and_writes_nothing(tmp_path: Path) -> None:
@@ -130,6 +175,8 @@ def test_curves_are_left_out_with_a_warning(tmp_path: Path) -> None:
     result = run(model, "-o", tmp_path / "flat.svg")
     assert result.exit_code == 0
     assert "Warning: curves have no flat pattern: 'rim' is left out" in result.stderr
+    result = run(model, "-o", tmp_path / "other.svg", "--shape", "rim")
+    assert (result.exit_code, "curves have no flat pattern: --shape names 'rim'" in result.stderr) == (3, True)
     gtcad.dump_model({"rim": QUARTER}, model)
     result = run(model, "-o", tmp_path / "other.svg")
     assert (result.exit_code, "no surfaces to unroll" in result.stderr) == (3, True)
@@ -226,7 +273,40 @@ def test_a_marking_that_leaves_its_patch_is_an_error_of_the_model(tmp_path: Path
     gtcad.dump_model(Model(shapes, construction=frozenset({"arrow"}), markings=(Marking("cone", "arrow"),)), file)
     result = run(file, "-o", tmp_path / "flat.svg")
     assert result.exit_code == 3
-    assert "the curve leaves the patch" in result.stderr
+    assert "shape 'cone': marking 'arrow' on 'cone': the curve leaves the patch" in result.stderr
+
+
+def test_markings_of_what_is_not_unrolled_are_said(tmp_path: Path) -> None:
+    """A patch for construction that a quilt is made of: the marking belongs on the quilt's patch."""
+    file = tmp_path / "model.toml"
+    for on, marks in (("part", 0), ("whole.part", 1)):
+        file.write_text(
+            f"""gtcad = 1
+unit = "mm"
+marking = [{{on = "{on}", curve = "seam"}}]
+[[shape]]
+name = "seam"
+kind = "curve"
+construction = true
+family = "bernstein"
+control_points = [[0, 0.1], [1, 0.1]]
+[[shape]]
+name = "part"
+kind = "cylinder"
+construction = true
+curve = {{control_points = [[40, 0, 0], [40, 40, 0], [0, 40, 0]]}}
+vector = [0, 0, 90]
+[[shape]]
+name = "whole"
+kind = "quilt"
+patches = ["part"]
+""",
+            encoding="utf-8",
+        )
+        result = run(file, "-o", tmp_path / "flat.svg")
+        assert result.exit_code == 0
+        assert ("Warning: 'seam' is not drawn: 'part' is for construction" in result.stderr) is (marks == 0)
+        assert rows(file, "-o", tmp_path / "flat.svg")["whole"]["marks"] == marks
 
 
 def test_an_open_hole_is_an_error_of_the_model(tmp_path: Path) -> None:
@@ -235,7 +315,25 @@ def test_an_open_hole_is_an_error_of_the_model(tmp_path: Path) -> None:
     markings = (Marking("cone", "arrow", hole=True),)
     gtcad.dump_model(Model(shapes, construction=frozenset({"arrow"}), markings=markings), file)
     result = run(file, "-o", tmp_path / "flat.svg")
-    assert (result.exit_code, "a hole must be a closed curve" in result.stderr) == (3, True)
+    assert (result.exit_code, "shape 'cone': a hole must be a closed curve" in result.stderr) == (3, True)
+
+
+def test_holes_that_cross_are_an_error_of_the_model(tmp_path: Path) -> None:
+    file, output = tmp_path / "model.json", tmp_path / "flat.svg"
+    shapes = {"cone": CONE, "slot": SLOT, "other": circle([0.6, 0.5], 0.2)}
+    markings = tuple(Marking("cone", name, hole=True) for name in ("slot", "other"))
+    gtcad.dump_model(Model(shapes, construction=frozenset({"slot", "other"}), markings=markings), file)
+    result = run(file, "-o", output)
+    assert (result.exit_code, "shape 'cone': holes must not cross: 1 and 2" in result.stderr) == (3, True)
+    assert not output.exists()
+
+
+def test_a_drawing_without_ezdxf_is_svg(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "ezdxf", None)
+    result = run(path, "-o", tmp_path / "flat.dxf")
+    assert (result.exit_code, "pip install 'gtcad[flat]'" in result.stderr) == (4, True)
+    assert run(path, "-o", tmp_path / "flat.svg").exit_code == 0
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["flat.svg", "model.toml"]
 
 
 def test_a_hopper_is_one_sheet(tmp_path: Path) -> None:

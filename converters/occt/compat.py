@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from gtcad.errors import KernelError, KernelMissing
 
-_INSTALL = "pip install 'gtcad[cadquery]' (OCCT 7.9) or 'gtcad[build123d]' (OCCT 8.0) into a fresh environment"
+_INSTALL = "pip install 'gtcad[cadquery]' (OCCT 7.9) or 'gtcad[build123d]' (OCCT 8.0)"
+_REPAIR = f"'gtcad doctor' says how to repair it; or, in a fresh environment with gtcad, {_INSTALL}"
 _DISTRIBUTIONS = ("cadquery-ocp", "cadquery-ocp-novtk")
 
 
@@ -34,9 +35,9 @@ def _diagnosis(error: ImportError) -> str:
     kernels = _installed_kernels()
     found = " and ".join(f"{name} {version}" for name, version in kernels.items())
     if len(set(kernels.values())) > 1:
-        return f"{found} write the same OCP folder and do not go together ({error}): {_INSTALL}"
+        return f"{found} write the same OCP folder and do not go together ({error}): {_REPAIR}"
     if kernels:
-        return f"the CAD kernel of {found} is broken ({error}): {_INSTALL}"
+        return f"the CAD kernel of {found} is broken ({error}): {_REPAIR}"
     return f"no CAD kernel is installed ({error}): {_INSTALL}"
 
 
@@ -56,6 +57,8 @@ def kernel_module(name: str) -> Any:
     try:
         return importlib.import_module(f"OCP.{name}")
     except ImportError as error:
+        if isinstance(error.__cause__ or error.__context__, KeyboardInterrupt):  # Ctrl-C while it was loading
+            raise KeyboardInterrupt from error
         raise KernelMissing(_diagnosis(error)) from error
 
 

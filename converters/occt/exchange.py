@@ -45,6 +45,7 @@ from gtcad.converters.occt.topology import TOLERANCE, make_edge, make_face, make
 from gtcad.converters.part import BodyFacts, Built, EllipseArc, Geometry, Part, Properties, Single, TrimmedFace, Wire
 from gtcad.converters.quadrics import ENTITIES, Quadric
 from gtcad.errors import FileError, InputError, KernelError
+from gtcad.protocol import checked_kind
 
 _BRep = kernel_module("BRep")
 _BRepTools = kernel_module("BRepTools").BRepTools
@@ -259,8 +260,11 @@ def items_of(parts: Sequence[Part], *, halved_ellipses: bool = False) -> list[It
     KernelError
         When the kernel refuses a shape.
     """
+    checked_kind("parts", parts, Sequence, "a sequence of parts")
     if not parts:
         raise InputError("a file needs at least one part, got none")
+    for i, part in enumerate(parts):
+        checked_kind(f"parts[{i}]", part, Part, "a Part: a name and a spline")
     return [_item(i, part, halved_ellipses) for i, part in enumerate(parts)]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import stat
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -32,10 +33,15 @@ def file_bytes(path: str | os.PathLike[str]) -> bytes:
     Raises
     ------
     FileError
-        When there is no such file, or it cannot be read or is empty.
+        When there is no such file, or it cannot be read, is empty, or is a pipe or a device.
     """
     try:
+        mode = os.stat(path).st_mode
+        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):  # a pipe would be waited for
+            raise FileError(str(path), "is no ordinary file")
         data = Path(path).read_bytes()
+    except FileError:
+        raise
     except FileNotFoundError as error:
         raise FileError(str(path), "no such file") from error
     except OSError as error:

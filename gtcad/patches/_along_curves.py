@@ -20,6 +20,7 @@ from gtcad.patches._definitions import (
     centred,
 )
 from gtcad.patches._developable import STILL, Developable, refuse_zero
+from gtcad.patches._moving_frames import largest_norm
 from gtcad.patches._patch import (
     Rows,
     checked_curves,
@@ -223,6 +224,7 @@ def _bends(curve: SeparableCurve, t: Array) -> Taylor:
 def _refuse_straight(curve: SeparableCurve, name: str) -> None:
     t = np.linspace(0, 1, 129)
     first, second = (float(np.linalg.norm(curve.derivative(t, order), axis=1).max()) for order in (1, 2))
+    first = max(first, STILL * curve.factors.derivative_bound(1) * largest_norm(curve.coefficients))
     refuse_zero(f"the speed of the {name} vanishes", curve.derivative, first)
     bend = first * max(second, STILL * first)
     refuse_zero(f"the curvature of the {name} vanishes", lambda t: _bends(curve, t).values, bend)

@@ -160,8 +160,7 @@ class Direction(Definition):
 
     def _bound(self, curve: CurveOfTerms, spans: int) -> float:
         """From ``p x f`` and ``|p|^2 - 1``."""
-        at = self._at(spans)
-        vector, field = at(curve, 0), self.field(at)
+        vector, field = Spanned.of(curve, 0, spans), self.field(self._at(spans))
         least = field.dot(field).least()
         if not least.all():
             return math.inf

@@ -11,15 +11,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gtcad.basis import checked_order, checked_parameters
+from gtcad.chebyshev import UNIT_ROUNDOFF
 from gtcad.errors import SingularDevelopable
 from gtcad.factors import CurveOfTerms, SurfaceOfTerms
 from gtcad.patches._definitions import Edge
+from gtcad.patches._moving_frames import largest_norm
 from gtcad.patches._patch import LINEAR, Patch, Rows, placed
 from gtcad.patches._singular import VANISHES, first_zero
 
 Array = NDArray[np.float64]
 
 STILL = 1e-6  # of the size: a change as small in all is no scale to measure by
+_SLIGHT = 1e-3  # of the coordinates: of a length or a speed that is less, 1e-9 may be rounding
 _AT_INFINITY = 1e-12  # relative difference of the stretches of two boundaries that is rounding
 
 
@@ -85,8 +88,14 @@ class Developable(Patch):
     @cached_property
     def definition_error(self) -> float:
         """Proved bound of the distance from the patch by definition at equal parameters, in the model's unit."""
-        stretch = 1.0 if self.placement is None else float(np.linalg.norm(np.array(self.placement)[:, :3], 2))
-        return stretch * max(edge.curve[1] for edge in self._edges)
+        curves = [edge.curve for edge in self._edges]
+        error = max(bound for _, bound in curves)
+        if self.placement is None:
+            return error
+        matrix, offset = np.array(self.placement)[:, :3], np.array(self.placement)[:, 3]
+        sizes = [curve.factors.derivative_bound(0) * largest_norm(curve.coefficients) for curve, _ in curves]
+        moved = float(np.linalg.norm(matrix)) * max(sizes) + float(np.linalg.norm(offset))
+        return float(np.linalg.norm(matrix, 2)) * error + 8 * UNIT_ROUNDOFF * moved
 
     # By definition
 
@@ -138,7 +147,13 @@ class Developable(Patch):
         return float(np.sign(np.cross(slope, b - a)[0] @ self._normals(middle)[0]))
 
     def ruling(self, t: ArrayLike) -> Ruling:
-        """The rulings by definition: their points on the boundary a, and their directions towards b."""
+        """The rulings by definition: their points on the boundary a, and their directions towards b.
+
+        Raises
+        ------
+        InputError
+            When a parameter is outside [0, 1].
+        """
         a, b = self.exact_boundaries(t)
         along = b - a
         return Ruling(a, along / np.linalg.norm(along, axis=-1, keepdims=True))
@@ -181,20 +196,22 @@ class Developable(Patch):
         """
         t = np.linspace(0, 1, 129)
         start, end = (edge.taylor(t, 2).terms for edge in self._edges)
-        along = end[0] - start[0]
-        refuse_zero("the boundaries meet", self._gap, float(np.linalg.norm(along, axis=1).max()))
-        crossings = []
-        for edge, one in zip(self._edges, (start, end), strict=True):
-            scale = float(np.linalg.norm(one[1], axis=1).max())
-            zero = first_zero(partial(self._stretch, edge), scale)
-            crossings += [] if zero is None else [zero]
+        sizes = [np.linalg.norm(one, axis=2).max(axis=1) for one in (start, end)]
+        least = [_SLIGHT * float(size) for size, _ in sizes]
+        longest = float(np.linalg.norm(end[0] - start[0], axis=1).max())
+        refuse_zero("the boundaries meet", self._gap, max(longest, *least))
+        scales = [max(float(speed), slight) for (_, speed), slight in zip(sizes, least, strict=True)]
+        zeros = [
+            first_zero(partial(self._stretch, edge), scale) for edge, scale in zip(self._edges, scales, strict=True)
+        ]
+        crossings = [zero for zero in zeros if zero is not None]
         first, second = self._stretches(np.zeros(1))
         if first[0] * second[0] < 0:
             crossings.append(0.0)
         if crossings:
             place = min(crossings)
-            first, second = self._stretches(np.array([place]))
-            along = max(abs(float(first[0])), abs(float(second[0]))) <= VANISHES * scale
+            stretches = self._stretches(np.array([place]))
+            along = all(abs(one[0]) <= VANISHES * scale for one, scale in zip(stretches, scales, strict=True))
             reason = "a ruling has no tangent plane" if along else "the edge of regression meets the patch"
             raise SingularDevelopable(reason, place)
 

@@ -8,12 +8,12 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gtcad.errors import InputError
+from gtcad.errors import InputError, SingularDevelopable
 from gtcad.patches._definitions import Cut, Edge, Planes, constant
 from gtcad.patches._developable import STILL, Developable, refuse_zero
 from gtcad.patches._patch import Rows, checked_placement, followed, handedness, in_space
 from gtcad.patches._plane_family import PlaneFamily, checked_plane, moved_planes
-from gtcad.patches._singular import highest
+from gtcad.patches._singular import first_zero, highest
 from gtcad.patches._taylor import Taylor
 from gtcad.protocol import SeparableCurve, domain_part
 from gtcad.restricted import Restricted
@@ -45,7 +45,7 @@ class Enveloping(Developable):
     ------
     SingularDevelopable
         With the first parameter of the patch, in [0, 1], where a plane stands still, a ruling is parallel to a bounding
-        plane, the bounds meet, or the edge of regression meets the patch.
+        plane, the bounds meet, or the edge of regression meets the patch, looked for in this order.
     InputError
         When an argument is out of its range, or the patch needs polynomials of a degree above 190: take parts.
 
@@ -106,11 +106,15 @@ class Enveloping(Developable):
         n, slope = (np.linalg.norm(self._planes.normals.derivative(t, order), axis=1).max() for order in (0, 1))
         refuse_zero("a plane of the family has no normal", self._planes.normals.evaluate, float(n))
         refuse_zero("a plane of the family does not turn", self._rulings, float(n * max(slope, STILL * n)))
+        parallel = []
         for name, bound in (("bound_a", self.bound_a), ("bound_b", self.bound_b)):
             if not isinstance(bound, SeparableCurve):
-                size = float(np.linalg.norm(bound[:3]))
-                reason = f"a ruling is parallel to the plane {name}"
-                refuse_zero(reason, partial(self._along, np.array(bound[:3])), size)
+                normal = np.array(bound[:3])
+                place = first_zero(partial(self._along, normal), float(np.linalg.norm(normal)))
+                parallel += [] if place is None else [(place, name)]
+        if parallel:
+            place, name = min(parallel)
+            raise SingularDevelopable(f"a ruling is parallel to the plane {name}", place)
 
     def _along(self, normal: Array, t: Array) -> Array:
         return np.asarray(self._directions(t) @ normal)
@@ -120,7 +124,10 @@ class Enveloping(Developable):
 
     @cached_property
     def bound_gaps(self) -> tuple[float, float]:
-        """Largest distances of the boundaries from their bounds at equal parameters, sampled; 0 from a plane."""
+        """Largest distances of the boundaries from their bounds at equal parameters, sampled; 0 from a plane.
+
+        Before the placement.
+        """
         gaps = []
         for edge, bound in zip(self._edges, (self.bound_a, self.bound_b), strict=True):
             cut = edge.base

@@ -17,6 +17,7 @@ from gtcad.chebyshev import UNIT_ROUNDOFF, evaluation, lebesgue, nodes, transfor
 from gtcad.errors import InputError
 from gtcad.factors import CurveOfTerms
 from gtcad.patches._patch import Vector
+from gtcad.patches._singular import first_zero
 from gtcad.polynomial import MAX_COUNT, Polynomials, Spanned, chopped, derivative_rounding, resolved
 from gtcad.protocol import SeparableCurve
 
@@ -175,21 +176,9 @@ def _check_regular(local: _Spine, *, curved: bool) -> None:
     v = np.linspace(0, 1, _SAMPLES)
     for name, size in {"speed": local.speed, "curvature": local.bend}.items():
         if name == "speed" or curved:
-            values = size(v)
-            place = _least_place(size, v, values)
-            if size(np.array([place]))[0] <= _VANISHES * values.max():
+            place = first_zero(size, float(size(v).max()))
+            if place is not None:
                 raise InputError(f"spine must have no vanishing {name}, but it vanishes at v = {place:.6g}")
-
-
-def _least_place(size: Callable[[Array], Array], v: Array, values: Array) -> float:
-    """Where the function is least: nested intervals about its least sample."""
-    k = int(values.argmin())
-    low, high = v[max(k - 1, 0)], v[min(k + 1, v.size - 1)]
-    for _ in range(12):
-        t = np.linspace(low, high, 33)
-        k = int(size(t).argmin())
-        low, high = t[max(k - 1, 0)], t[min(k + 1, 32)]
-    return float(t[k])
 
 
 def _unresolved(local: _Spine) -> Unresolved:

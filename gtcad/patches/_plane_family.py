@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_ROUNDING = 1e-14  # of the product of sizes: a smaller determinant is rounding
+_ROUNDING = 1e-14  # of the largest that a derivative may be: so much of it is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +106,7 @@ class PlaneFamily:
         return np.asarray(rows.T @ self.control_planes).reshape(*t.shape, 4)
 
     def normal(self, t: ArrayLike) -> Array:
-        """Unit normals n / |n|, shape t.shape + (3,).
+        """Unit normals n / |n|, shape t.shape + (3,); NaN where a plane has none (n = 0).
 
         Raises
         ------
@@ -113,12 +114,14 @@ class PlaneFamily:
             When a parameter is outside [0, 1].
         """
         normals = self.evaluate(t)[..., :3]
-        return np.asarray(normals / np.linalg.norm(normals, axis=-1, keepdims=True))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(normals / np.linalg.norm(normals, axis=-1, keepdims=True))
 
     def ruling(self, t: ArrayLike) -> Ruling:
         """The lines in which the planes touch the surface: their points nearest to the origin, unit ``n x n'``.
 
-        ``X_0 = [d (n' x r) + d' (r x n)] / |r|^2`` with ``r = n x n'``. NaN where a plane does not turn (r = 0).
+        ``X_0 = [d (n' x r) + d' (r x n)] / |r|^2`` with ``r = n x n'``. NaN where a plane does not turn: where r is 0
+        but for rounding.
 
         Raises
         ------
@@ -126,16 +129,20 @@ class PlaneFamily:
             When a parameter is outside [0, 1].
         """
         t = checked_parameters("t", t)
-        at, planes = Taylor.at(t.reshape(-1), 1), self.planes()
+        flat, planes = t.reshape(-1), self.planes()
+        rulings = planes.rulings(Taylor.at(flat, 1))
         with np.errstate(divide="ignore", invalid="ignore"):
-            points = Cut(0.0, planes, constant(np.zeros(3))).taylor(t.reshape(-1), 1).values
-            directions = planes.rulings(at).unit().values
+            points = Cut(0.0, planes, constant(np.zeros(3))).taylor(flat, 1).values
+            directions = rulings.unit().values
+        still = np.linalg.norm(rulings.values, axis=1) <= self._rounding(flat, 2)
+        points[still] = directions[still] = np.nan
         return Ruling(points.reshape(*t.shape, 3), directions.reshape(*t.shape, 3))
 
     def edge_of_regression(self, t: ArrayLike) -> Array:
-        """The points that three consecutive planes share, shape t.shape + (3,); NaN where that is at infinity.
+        """The points that three consecutive planes share, shape t.shape + (3,).
 
-        ``E = [d (n' x n'') + d' (n'' x n) + d'' (n x n')] / det(n, n', n'')``; E' is parallel to the ruling.
+        ``E = [d (n' x n'') + d' (n'' x n) + d'' (n x n')] / det(n, n', n'')``; E' is parallel to the ruling. NaN where
+        the determinant is 0 but for rounding: E is at infinity, or a plane does not turn.
 
         Raises
         ------
@@ -147,9 +154,16 @@ class PlaneFamily:
         cut = Cut(0.0, self.planes(), None)
         with np.errstate(divide="ignore", invalid="ignore"):
             points = cut.taylor(flat, 1).values
-        sizes = [np.linalg.norm(self.derivative(flat, order)[:, :3], axis=1) for order in range(3)]
-        points[np.abs(cut.determinant(flat)) <= _ROUNDING * np.prod(sizes, axis=0)] = np.nan
+        points[np.abs(cut.determinant(flat)) <= self._rounding(flat, 3)] = np.nan
         return points.reshape(*t.shape, 3)
+
+    def _rounding(self, t: Array, count: int) -> Array:
+        """How much of a product of n, n', ..., so many, is rounding, shape (t.size,)."""
+        largest = float(np.linalg.norm(self.control_planes[:, :3], axis=1).max())
+        sizes = [np.linalg.norm(self.derivative(t, order)[:, :3], axis=1) for order in range(count)]
+        lost = [_ROUNDING * largest * self.basis.derivative_bound(order) for order in range(count)]
+        off = [size + part for size, part in zip(sizes, lost, strict=True)]
+        return np.asarray(np.prod(off, axis=0) - np.prod(sizes, axis=0))
 
     def enveloping(
         self,
@@ -172,7 +186,7 @@ class PlaneFamily:
         ------
         SingularDevelopable
             With the first t where a plane stands still, a ruling is parallel to a bounding plane, the bounds meet, or
-            the edge of regression meets the patch.
+            the edge of regression meets the patch, looked for in this order.
         InputError
             When an argument is out of its range, or the patch needs polynomials of a degree above 190: take parts.
 
@@ -270,8 +284,7 @@ def checked_plane(name: str, value: ArrayLike) -> tuple[float, float, float, flo
     except (TypeError, ValueError):
         plane = np.empty(0)
     if plane.shape != (4,) or not np.isfinite(plane).all() or not plane[:3].any():
-        raise InputError(
-            f"{name} must be a plane (a, b, c, d), its normal (a, b, c) not zero, or a curve, got {value!r}"
-        )
+        got = repr(value) if isinstance(value, Sequence | np.ndarray) or value is None else type(value).__name__
+        raise InputError(f"{name} must be a plane (a, b, c, d), its normal (a, b, c) not zero, or a curve, got {got}")
     a, b, c, d = (plane + 0.0).tolist()
     return a, b, c, d

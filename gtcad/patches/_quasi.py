@@ -29,6 +29,8 @@ Pairing = tuple[float, ...]
 EVEN: Pairing = (0.0, 1.0)
 _DEGREE = 6  # of a pairing that is searched for
 _SAMPLES = 129
+_SLACK = 1e-5  # of the sum of squares: a step that makes it less by no more is the last
+_UNEVEN = 2.5  # largest logarithm of its steps: no stretch of a is joined to what is nearly a point of b
 
 
 @dataclass(frozen=True)
@@ -114,9 +116,12 @@ class QuasiDevelopable(Patch):
         object.__setattr__(self, "max_twist_deg", limit)
         if limit is not None and not self.report.twist_bound_deg <= limit:
             found = self.report
+            lead = "but does" if found.twist_deg > limit else "and is not proved to twist by less: it does"
+            bound = found.twist_bound_deg
+            most = f"at most {bound:.4g}, proved" if bound < math.inf else "with no bound: it is singular or nearly so"
             raise InputError(
-                f"the strip may twist by {limit:g} degrees along a ruling, but does by {found.twist_deg:.4g} at t = "
-                f"{found.twist_t:.6g} (at most {found.twist_bound_deg:.4g}, proved)"
+                f"the strip may twist by {limit:g} degrees along a ruling, {lead} by {found.twist_deg:.4g} at t = "
+                f"{found.twist_t:.6g} ({most})"
             )
 
     @cached_property
@@ -169,7 +174,8 @@ def quasi_developable(
         As of ``QuasiDevelopable``.
     pairing
         Its pairing; or "least-twist": a polynomial of degree 6 that makes the mean square of the twist's sine small,
-        found by a local search from equal parameters (0.1 s). The first and the last ruling keep their twist.
+        found by a local search from equal parameters (0.1 s), none of its steps below 1/150 of another. The first and
+        the last ruling keep their twist.
 
     Examples
     --------
@@ -207,7 +213,7 @@ def _least_twist(a: SeparableCurve, b: SeparableCurve) -> Pairing:
         volumes = np.einsum("td,td->t", np.cross(slope, other), along) * np.linalg.norm(along, axis=1)
         return np.asarray(volumes / np.maximum(sizes, 1e-300))
 
-    found = law(least_squares(sines, np.zeros(_DEGREE), x_scale="jac").x)
+    found = law(least_squares(sines, np.zeros(_DEGREE), bounds=(-_UNEVEN, _UNEVEN), x_scale="jac", ftol=_SLACK).x)
     found[-1] = 1.0
     return tuple(found.tolist())
 

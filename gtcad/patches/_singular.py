@@ -18,13 +18,13 @@ VANISHES = 1e-9  # of the scale
 _WORTH_A_LOOK = 0.05  # of the scale: a sample below may be next to a zero
 _ROUNDS = 14
 _FEW_ROUNDS = 3  # enough for a maximum, which is flat
-_SINKS = 0.9  # of the size in one round, or it has a least value above 0
+_FLAT = 0.9  # of the sizes beside it: a least value as large is not on the way to 0
 
 
 def zeros(function: Function, scale: float) -> list[float]:
     """The t in [0, 1] where numbers, or the norms of vectors, vanish, in ascending order.
 
-    Found from 1025 samples: a change of sign is bracketed, a dip of the size is followed to its bottom.
+    Found from 1025 samples: a change of sign is bracketed, a dip of the size is followed to its bottom or below 0.
 
     Parameters
     ----------
@@ -56,9 +56,14 @@ def _found(function: Function, scale: float, all_of_them: bool) -> list[float]:
     for place in _dips(t, _sizes(values), _WORTH_A_LOOK * scale):
         if place[0] > last:
             break
-        nearest, least = _lowest(function, *place)
-        if least <= VANISHES * scale and not any(abs(nearest - other) <= 2 * _STEP for other in found):
-            found.append(nearest)
+        here = _hidden(function, *place) if values.ndim == 1 else []
+        if not here:
+            nearest, least = _lowest(function, *place)
+            new = least <= VANISHES * scale and not any(abs(nearest - other) <= 2 * _STEP for other in found)
+            here = [nearest] if new else []
+        found += here
+        if here and not all_of_them:
+            break
     return found
 
 
@@ -73,16 +78,25 @@ def _dips(t: Array, sizes: Array, level: float) -> list[tuple[float, float]]:
     return [(float(t[max(k - 1, 0)]), float(t[min(k + 1, t.size - 1)])) for k in np.flatnonzero(low).tolist()]
 
 
+def _hidden(function: Function, low: float, high: float) -> list[float]:
+    """Zeros of numbers that have one sign at the samples, and another one between them."""
+    t = np.linspace(low, high, 33)
+    values = function(t)
+    if len(set(np.sign(values[[0, 16, 32]]).tolist())) > 1:
+        return []
+    return [_bracketed(function, float(t[k]), float(t[k + 1])) for k in np.flatnonzero(values[:-1] * values[1:] < 0)]
+
+
 def _lowest(function: Function, low: float, high: float) -> tuple[float, float]:
     """Where the size is least, and that size: nested intervals, given up where the least does not go down to 0."""
-    before = np.inf
     for _ in range(_ROUNDS):
         t = np.linspace(low, high, 33)
         sizes = _sizes(function(t))
         k = int(sizes.argmin())
-        if sizes[k] > _SINKS * before:
+        before, after = max(k - 1, 0), min(k + 1, 32)
+        if sizes[k] > _FLAT * max(sizes[before], sizes[after]):
             break
-        low, high, before = float(t[max(k - 1, 0)]), float(t[min(k + 1, 32)]), float(sizes[k])
+        low, high = float(t[before]), float(t[after])
     return float(t[k]), float(sizes[k])
 
 

@@ -62,7 +62,7 @@ def minimal_patch(
     degree
         Of the interior functions of a fixed contour; a net has its own.
     gamma_u, gamma_v, family
-        As for ``gtcad.patches.extremal``.
+        As for ``gtcad.patches.minimal.extremal``.
 
     Raises
     ------

@@ -94,10 +94,6 @@ def scipy_least_squares(curve: Curve, degree: int, tolerance: float) -> Iterator
         yield from _fewest(build, degree + 1, tolerance)
 
 
-def _greville(knots: np.ndarray, degree: int) -> np.ndarray:
-    return np.array([knots[i + 1 : i + degree + 1].mean() for i in range(len(knots) - degree - 1)])
-
-
 def splipy_either(curve: Curve, degree: int, tolerance: float) -> Iterator[Result]:
     from splipy import BSplineBasis, curve_factory
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
-from gtcad.converters.brep import read_brep
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
 from gtcad.converters.iges import read_iges
 from gtcad.converters.occt.compat import as_edge, as_face, kernel_module
@@ -72,11 +71,6 @@ def through_step(folder: Path, shape, unit="MM") -> list[Part]:
 def through_iges(folder: Path, shape, unit="MM", bodies=False) -> list[Part]:
     write_iges_in(folder / "a.igs", shape, unit, bodies)
     return read_iges(folder / "a.igs")
-
-
-def through_brep(folder: Path, shape) -> list[Part]:
-    _BRepTools.Write_s(shape, str(folder / "a.brep"))
-    return read_brep(folder / "a.brep")
 
 
 # --- faces and edges, one by one --------------------------------------------------------------------------------------

@@ -12,8 +12,6 @@ from gtcad.converters.arcs import arc_of_chain, certify_arc, certify_chain_arc, 
 from gtcad.converters.part import EllipseArc
 from gtcad.errors import InputError
 
-RNG = np.random.default_rng(2)
-
 
 def ways(curve):
     """The curve, parts of it, and parts run backwards."""

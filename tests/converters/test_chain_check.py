@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +20,8 @@ from gtcad.converters.iges import read_iges, write_iges
 from gtcad.converters.part import EllipseArc, Part, Wire
 from gtcad.converters.spline_parts import cut, merged
 from gtcad.converters.step import read_step, write_step
+from gtcad.model import load_model
+from tests.converters import rewriting
 from tests.test_composite import loop
 
 T = 1e-4
@@ -172,6 +175,23 @@ def test_a_moved_pole_is_caught_in_its_piece(mixed, piece):
     found = verdicts(check(named(edges), mixed))
     assert found[piece] == "failed"
     assert found.count("proved") >= 3
+
+
+@pytest.mark.parametrize("unit", ["MM", "INCH", "M"])
+def test_the_digits_of_a_file_lose_no_joint_and_explain_no_kink(tmp_path, unit):
+    """In metres the kernel's writer of IGES keeps a millionth of a millimetre."""
+    samples = Path(__file__).parents[2] / "samples"
+    models = [load_model(samples / name).in_millimetres() for name in ("letter-a.toml", "wheel-arch.toml")]
+    chains = {
+        name: models[k][name].transformed(np.eye(3, 2)) for k, name in ((0, "left leg"), (0, "right leg"), (1, "trim"))
+    }
+    for name, chain in chains.items():
+        edges = edges_of(chain)
+        back = rewriting.through_iges(tmp_path, rewriting.shape_of([Part(name, Wire(edges))]), unit)
+        assert_all_well(check(back, chain), chain)
+        bent = [moved(edges[0], [0, 1e-4, 1e-4], pole=-2), *edges[1:]]
+        back = rewriting.through_iges(tmp_path, rewriting.shape_of([Part("", edge) for edge in bent]), unit)
+        assert not all(joint.kept for joint in check(back, chain, 1e-2).joints)
 
 
 def test_a_missing_edge_is_missing_and_the_others_are_proved(wire):

@@ -31,7 +31,7 @@ def sampled_deviation(spline, patch):
 
 
 def distances(points, u, v, boundaries):
-    """Of points from a ruled surface, for v = 0 and 1 from its boundary; their places u, by Newton's steps from (u, v)."""
+    """Of points from a ruled surface, for v = 0 and 1 from its boundary; and their places u. By Newton."""
     inner, v = 0 < v < 1, np.full(u.size, v)
     for _ in range(6):
         a, b = boundaries(u, 0)
@@ -204,6 +204,10 @@ def test_the_general_fit_takes_developables_as_well(patch):
         ({"tolerance": 1e-4, "max_twist_deg": 0}, InputError, "max_twist_deg must be a finite number above 0"),
         ({"tolerance": 1e-4, "degree": 2}, InputError, r"degree must be a whole number in \[3, 25\]"),
         ({"tolerance": 1e-4, "degree": True}, InputError, r"degree must be a whole number in \[3, 25\]"),
+        ({"tolerance": None}, InputError, "tolerance must be a finite number above 0, got None"),
+        ({"tolerance": 1e-4, "max_twist_deg": "a"}, InputError, "max_twist_deg must be a finite .*, got 'a'"),
+        ({"tolerance": 1e-4, "continuity": 9}, InputError, r"continuity must be a whole number in \[0, 4\], got 9"),
+        ({"tolerance": 1e-4, "max_spans": 0}, InputError, "max_spans must be a whole number"),
         ({"tolerance": 1e-13}, ToleranceBelowPrecision, "below"),
         ({"tolerance": 1e-6, "max_spans": 3}, ToleranceNotMet, "max_spans = 3"),
     ],
@@ -214,6 +218,8 @@ def test_wrong_arguments(options, error, message):
 
 
 def test_other_patches_are_refused():
+    with pytest.raises(InputError, match="patch must be a patch that is linear in v, got Curve"):
+        fit_developable(SPINE, tolerance=1e-3)
     with pytest.raises(InputError, match="must be linear in v, in space, got Rotation"):
         fit_developable(Rotation(WAVE, [0, 0, 0], [0, 0, 1]), tolerance=1e-3)
     with pytest.raises(InputError, match="in space"):

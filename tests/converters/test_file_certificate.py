@@ -14,7 +14,10 @@ from hypothesis import strategies as st
 
 import gtcad
 from gtcad import Curve, Surface
+from gtcad.continuity import check_join
+from gtcad.converters.chain_check import Joint
 from gtcad.converters.file_certificate import (
+    CertifiedJoint,
     certificate_of,
     disagreements,
     model_beside,
@@ -103,6 +106,26 @@ def test_everything_else_that_differs_is_said(folder):
     assert disagreements(one, outcome) == ("it says nothing of shape 'roof'",)
     assert "more than its" in disagreements(certificate, replace(outcome, tolerance=1e-3))[0]
     assert disagreements(certificate, replace(outcome, report=None, message="why")) == ("why",)
+
+
+def test_joints_of_either_that_the_other_has_not_are_said(folder):
+    certificate, outcome = certificate_of(folder[1]), folder[1]
+    joint = CertifiedJoint(name="arch 1/2", wanted="G1", found="G2")
+    stated = certificate.model_copy(update={"joints": [joint]})
+    assert disagreements(stated, outcome) == ("joint 'arch 1/2': G2 by the certificate, nothing now",)
+    found = Joint("arch 1/2", "G1", check_join(ARCH, ARCH))
+    (problem,) = disagreements(certificate, replace(outcome, report=replace(outcome.report, joints=(found,))))
+    assert problem.startswith("joint 'arch 1/2': nothing by the certificate, ")
+
+
+def test_a_model_is_looked_for_beside_the_certificate_and_nowhere_else(folder, tmp_path):
+    certificate = certificate_of(folder[1])
+    (tmp_path / "inner").mkdir()
+    (tmp_path / "other.json").write_text("{}")
+    for name in ("../other.json", str(tmp_path / "other.json")):
+        elsewhere = certificate.model_copy(update={"model": certificate.model.model_copy(update={"name": name})})
+        with pytest.raises(FileError, match="is not beside it: name it with --against"):
+            model_beside(elsewhere, tmp_path / "inner" / "a.json")
 
 
 def test_only_checks_that_passed_have_one(folder):

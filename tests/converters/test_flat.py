@@ -12,13 +12,14 @@ import pytest
 from numpy.typing import NDArray
 
 from gtcad import BERNSTEIN, Curve, measure
+from gtcad._flat_bends import BendLine
 from gtcad.conics import circle
 from gtcad.converters.flat import LAYERS, write_dxf, write_svg
 from gtcad.converters.flat_outline import CircleArc, Cubic, Sheet, Straight, arranged, draw_pattern
-from gtcad.errors import FileError, InputError, ToleranceBelowPrecision
+from gtcad.errors import FileError, InputError, KernelError, ToleranceBelowPrecision
 from gtcad.flat_pattern import FlatPattern, develop
 from gtcad.flat_strip import develop_strip
-from gtcad.patches import cone, cylinder, spine_developable
+from gtcad.patches import Rotation, cone, cylinder, spine_developable
 from tests.hopper import hopper
 from tests.test_flat_pattern import helix
 
@@ -55,6 +56,12 @@ def distances(points: Array, line: Array) -> Array:
 def around(pattern: Any, count: int) -> Array:
     t = np.linspace(0, 1, count)
     return np.concatenate([curve.evaluate(t) for curve in pattern.contour])
+
+
+def outside_of_the_hole(line: BendLine) -> float:
+    """The length of a ruling of ``drawn`` without what lies in the circle of radius 0.2 around (0.5, 0.5)."""
+    inside = 2 * math.sqrt(max(0.0, 0.2**2 - (line.parameter - 0.5) ** 2))
+    return math.dist(line.start, line.end) * (1 - inside)
 
 
 # --- drawings ---------------------------------------------------------------------------------------------------------
@@ -109,6 +116,16 @@ def test_sheets_lie_beside_each_other() -> None:
     assert moved == pytest.approx(boxes[2][0, 0])
 
 
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-5])
+def test_the_box_is_that_of_the_outline(tolerance: float) -> None:
+    ring = develop(Rotation(Curve([[80, 0, 0], [100, 0, 0]], family=BERNSTEIN), (0, 0, 0), (0, 0, 1), 300))
+    for sheet in (drawn(tolerance), draw_pattern(ring, tolerance=tolerance), sector()):
+        fine = np.concatenate([entity.points(20001) for entity in sheet.cut[0].entities])
+        size = float(np.ptp(fine, axis=0).max())
+        np.testing.assert_allclose(sheet.box, [fine.min(axis=0), fine.max(axis=0)], atol=1e-8 * size)
+    np.testing.assert_allclose(np.ptp(draw_pattern(ring, tolerance=1e-2).box, axis=0), [200, 200], rtol=1e-9)
+
+
 def test_what_cannot_be_drawn_is_refused() -> None:
     pattern = plate()
     with pytest.raises(InputError, match="a hole must be a closed curve"):
@@ -118,6 +135,12 @@ def test_what_cannot_be_drawn_is_refused() -> None:
         draw_pattern(pattern, tolerance=1e-2, holes=[eight])
     with pytest.raises(ToleranceBelowPrecision):
         draw_pattern(pattern, tolerance=1e-14)
+    for tolerance in (0.0, -1.0, math.inf, math.nan):
+        with pytest.raises(InputError, match="tolerance must be a finite number above 0"):
+            draw_pattern(pattern, tolerance=tolerance)
+    for name in ("a\nb", "\x01", "\ud800"):  # which neither DXF nor SVG can hold
+        with pytest.raises(InputError, match="name must consist of printable characters"):
+            draw_pattern(pattern, tolerance=1e-2, name=name)
 
 
 # --- DXF --------------------------------------------------------------------------------------------------------------
@@ -155,7 +178,7 @@ def test_dxf_has_the_layers_units_and_lengths(tmp_path: Path) -> None:
     found = lengths_by_layer(path)
     assert found["CUT"] == pytest.approx(math.fsum(pattern.lengths.values()) + hole.length, rel=1e-5)
     assert found["MARK"] == pytest.approx(mark.length, rel=1e-5)
-    assert found["BEND"] == pytest.approx(math.fsum(math.dist(line.start, line.end) for line in sheet.bend))
+    assert found["BEND"] == pytest.approx(math.fsum(outside_of_the_hole(line) for line in sheet.bend), rel=1e-9)
     assert [len(list(group)) for _, group in document.groups] == [len(document.modelspace())]
 
 
@@ -235,6 +258,9 @@ def test_svg_has_millimetres_groups_and_lengths(tmp_path: Path) -> None:
     low, high = sheet.box
     np.testing.assert_allclose([width, height], high - low + 10, atol=1e-5)
     groups = {group.attrib["id"]: group for group in root.findall(f"{SVG}g")}
+    lines = [[float(line.attrib[end]) for end in ("x1", "y1", "x2", "y2")] for line in groups["BEND"]]
+    drawn_length = math.fsum(math.dist(line[:2], line[2:]) for line in lines)
+    assert drawn_length == pytest.approx(math.fsum(outside_of_the_hole(line) for line in sheet.bend), rel=1e-8)
     assert list(groups) == list(LAYERS)
     assert "stroke-dasharray" in groups["BEND"].attrib
     [cut] = groups["CUT"].findall(f"{SVG}path")
@@ -244,7 +270,7 @@ def test_svg_has_millimetres_groups_and_lengths(tmp_path: Path) -> None:
     hole = pattern.image(circle([0.5, 0.5], 0.2))
     assert length_along(points_of(loops[0])) == pytest.approx(math.fsum(pattern.lengths.values()), rel=1e-5)
     assert length_along(points_of(loops[1])) == pytest.approx(hole.length, rel=1e-5)
-    assert len(groups["BEND"]) == 5
+    assert len(groups["BEND"]) == 7  # two of five rulings cross the hole
     upright = np.array([low[0] - 5, high[1] + 5]) + points_of(loops[0])[::97] * [1, -1]
     assert distances(upright, around(pattern, 4001)).max() < 2e-4
 
@@ -255,11 +281,31 @@ def test_svg_arcs_turn_the_right_way(tmp_path: Path) -> None:
     write_svg(path, [sector()])
     [cut] = ElementTree.parse(path).getroot().findall(f"{SVG}g[@id='CUT']/{SVG}path")
     outline = svgpathtools.parse_path(cut.attrib["d"])
-    assert sum(isinstance(part, svgpathtools.Arc) for part in outline) == 4
+    assert sum(isinstance(part, svgpathtools.Arc) for part in outline) == 2
     points = points_of(outline)
     assert length_along(points) == pytest.approx(math.fsum(pattern.lengths.values()), rel=1e-5)
     x, y = points.T
     assert abs(float(x[:-1] @ y[1:] - x[1:] @ y[:-1])) / 2 == pytest.approx(pattern.area, rel=1e-5)
+
+
+@pytest.mark.parametrize("degrees", [359.99, 270.0, 180.0])
+def test_svg_arcs_of_nearly_a_full_turn_keep_their_centres(tmp_path: Path, degrees: float) -> None:
+    """Of the ends of half a circle alone its centre is known to the root of their rounding, which is 5e-10 mm."""
+    svgpathtools = pytest.importorskip("svgpathtools")
+    cosine = degrees / 360  # of the slope of a cone whose sector turns by that much
+    rise = np.array([cosine, 0.0, math.sqrt(1 - cosine**2)])
+    profile = Curve([30 * rise, 100 * rise], family=BERNSTEIN)
+    sheet = draw_pattern(develop(Rotation(profile, (0, 0, 0), (0, 0, 1))), tolerance=1e-6)
+    path = tmp_path / "flat.svg"
+    write_svg(path, [sheet])
+    [cut] = ElementTree.parse(path).getroot().findall(f"{SVG}g[@id='CUT']/{SVG}path")
+    arcs = [part for part in svgpathtools.parse_path(cut.attrib["d"]) if isinstance(part, svgpathtools.Arc)]
+    center, other = (entity.center for entity in sheet.cut[0].entities if isinstance(entity, CircleArc))
+    np.testing.assert_allclose(center, other, atol=1e-10)
+    origin = np.array([sheet.box[0, 0] - 5, sheet.box[1, 1] + 5])
+    x, y = points_of(arcs).T
+    radii = np.hypot(origin[0] + x - center[0], origin[1] - y - center[1])
+    np.testing.assert_allclose(np.minimum(abs(radii - 30), abs(radii - 100)), 0, atol=1e-8)
 
 
 # --- build123d --------------------------------------------------------------------------------------------------------
@@ -281,7 +327,20 @@ def test_a_face_of_build123d_has_the_area_and_the_hole() -> None:
     assert tuple(face.normal_at()) == pytest.approx((0, 0, 1))
     assert face.label == "plate"
     lines = flat_lines(sheet)
-    assert [line.length for line in lines] == pytest.approx([math.dist(one.start, one.end) for one in sheet.bend])
+    assert len(lines) == 7  # two of five rulings cross the hole
+    total = math.fsum(outside_of_the_hole(line) for line in sheet.bend)
+    assert math.fsum(line.length for line in lines) == pytest.approx(total, rel=1e-9)
+    assert {line.label for line in lines} == {f"bend {line.angle_deg:+.4g}" for line in sheet.bend}
+
+
+def test_a_hole_that_touches_the_outline_leaves_no_face() -> None:
+    pytest.importorskip("build123d")
+    from gtcad.converters.build123d_flat import flat_face
+
+    pattern = develop(cylinder(QUARTER, [0, 0, 30]))
+    sheet = draw_pattern(pattern, tolerance=1e-2, name="eye", holes=[pattern.image(circle([0.5, 0.5], 0.5))])
+    with pytest.raises(KernelError, match="face of 'eye'"):
+        flat_face(sheet)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import copy
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,18 +14,21 @@ from gtcad import BERNSTEIN, Basis, Curve, Quilt, Solid, Surface
 from gtcad.composite import Composite
 from gtcad.conics import Arc, circle
 from gtcad.continuity import check_join, join_curve
-from gtcad.converters import hosts
+from gtcad.converters import face_designs, hosts
 from gtcad.converters.bspline import BSplineCurve, BSplineSurface
 from gtcad.converters.face_designs import fitting
+from gtcad.converters.figures import Figure
 from gtcad.converters.occt.compat import as_edge, as_face, kernel_module
 from gtcad.converters.occt.faces import area, volume
 from gtcad.converters.occt.pieces import edge_geometry, is_valid, subshapes
 from gtcad.converters.occt.topology import make_edge, make_face
 from gtcad.converters.part import EllipseArc
+from gtcad.converters.quadrics import Quadric
 from gtcad.converters.smooth_edges import closing_orders, with_smooth_edges
 from gtcad.edge_check import check_edge
-from gtcad.errors import InputError, ToleranceNotMet
+from gtcad.errors import InputError, ToleranceBelowPrecision, ToleranceNotMet
 from gtcad.patches import Rotation, Ruled
+from gtcad.restricted import RestrictedSurface
 
 SWING = Curve([[0, 0, 0], [3, 7, 1], [7, -2, 0], [10, 3, 2]], gamma=(0.4, -0.6))
 TUBE = Rotation(Curve([[3, 0, 0], [3, 0, 5]], family=BERNSTEIN), [0, 0, 0], [0, 0, 1])
@@ -119,6 +123,14 @@ def test_faces_are_of_the_kind_that_the_patch_is(surface: Any, kind: str) -> Non
     assert made.deviation[1] <= 1e-3
 
 
+def test_an_analytic_surface_that_misses_the_tolerance_by_rounding_is_refused_like_a_spline() -> None:
+    geometry, fit = hosts.choose_geometry(TUBE, tolerance=1e-12)
+    assert isinstance(geometry, Quadric)
+    assert fit.deviation[1] <= 1e-12
+    with pytest.raises(ToleranceBelowPrecision):
+        hosts.choose_geometry(TUBE, tolerance=fit.deviation[1] / 2)
+
+
 def test_exact_false_makes_splines_of_all() -> None:
     assert kind_of(hosts.made_edge(Curve([[2, 0], [2, 2], [0, 2]]), exact=False).shape) == "BSplineCurve"
     made = hosts.made_face(TUBE, exact=False)
@@ -140,6 +152,14 @@ def test_shells_and_solids() -> None:
     assert wall.deviation[1] <= 1e-3
     with pytest.raises(InputError, match="free"):
         hosts.made_solid(quilt)
+
+
+def test_the_deviation_of_a_wall_is_that_of_its_worst_faces(monkeypatch: pytest.MonkeyPatch) -> None:
+    vase = Rotation(Curve([[4, 0, 0], [7, 0, 5], [3, 0, 10]]), [0, 0, 0], [0, 0, 1])
+    thicken = hosts.thicken
+    monkeypatch.setattr(hosts, "thicken", lambda *given, **named: replace(thicken(*given, **named), deviation=0.25))
+    made = hosts.made_solid(Solid(Quilt.recognised([vase]), thickness=0.5))
+    assert made.deviation == (made.fit.deviation[0], 0.25)
 
 
 def test_wrong_kinds_are_named() -> None:
@@ -321,12 +341,23 @@ def test_seams_and_joints_that_are_smooth_arrive_smooth() -> None:
     np.testing.assert_allclose(start, end, atol=1e-10)
     halves = [Rotation(profile, [0, 0, 0], [0, 0, 1], 180, start) for start in (0, 180)]
     quilt = Quilt.recognised(halves)
-    made = hosts.made_solid(Solid(quilt, caps="planar"), tolerance=1e-2)
-    assert made.exact.quilt is quilt
-    assert {edge.order for edge in made.fit.quilt.edges} == {"G1"}  # type: ignore[union-attr]
-    for edge in quilt.edges:
-        a, b = (made.fit.splines[use.patch] for use in edge.uses)  # type: ignore[union-attr]
-        assert check_edge(a, edge.first.side, b, edge.second.side).meets("G1")
+    solid = hosts.made_solid(Solid(quilt, caps="planar"), tolerance=1e-2)
+    shell = hosts.made_shell(quilt, tolerance=1e-2)
+    assert solid.exact.quilt is shell.exact is quilt
+    for fit in (solid.fit, shell.fit):
+        assert {edge.order for edge in fit.quilt.edges} == {"G1"}  # type: ignore[union-attr]
+        for edge in quilt.edges:
+            a, b = (fit.splines[use.patch] for use in edge.uses)  # type: ignore[union-attr]
+            assert check_edge(a, edge.first.side, b, edge.second.side).meets("G1")
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_smooth_edge_is_recognised_whichever_way_its_second_patch_runs(backwards: bool) -> None:
+    net = np.random.default_rng(4).normal(size=(4, 4, 3)) + 9 * np.moveaxis(np.indices((4, 4, 1))[..., 0], 0, -1)
+    across = (1.0, 0.0) if backwards else (0.0, 1.0)
+    halves = [RestrictedSurface(Surface(net), ends) for ends in (((0.0, 0.4), (0.0, 1.0)), ((0.4, 1.0), across))]
+    (edge,) = with_smooth_edges(Quilt.recognised(halves)).edges
+    assert (edge.order, edge.reversed) == ("G1", backwards)
 
 
 def test_edges_that_bend_are_left_alone() -> None:
@@ -470,8 +501,28 @@ def test_faces_that_one_patch_cannot_follow_become_a_quilt_that_joins_smoothly(t
         assert check_edge(a, edge.first.side, b, edge.second.side).meets("G1")
     corners = {tuple(np.round(patch.evaluate(u, v), 9)) for patch in design.patches for u in (0, 1) for v in (0, 1)}
     assert {tuple(np.round(spline.control_points[i, j], 9)) for i in (0, -1) for j in (0, -1)} <= corners
+    u = np.linspace(0, 1, 9)
+    points = np.concatenate([patch.evaluate(u[:, None], u[None, :]).reshape(-1, 3) for patch in design.patches])
+    assert Figure(spline).nearest(points).distances.max() <= design.deviation[1]
     for patch in design.patches:
         assert normal_gap(face, patch) < 0.02
+
+
+def test_what_cutting_a_face_rounds_is_in_the_deviation(monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = hosts.design_from_face(make_face(bumpy()), tolerance=1e-3).deviation
+    part = face_designs.part_of_surface
+    monkeypatch.setattr(face_designs, "part_of_surface", lambda *given: (part(*given)[0], 1e-6))
+    wider = hosts.design_from_face(make_face(bumpy()), tolerance=1e-3).deviation
+    assert wider == pytest.approx((plain[0] - 1e-6, plain[1] + 1e-6), abs=1e-10)
+
+
+@pytest.mark.parametrize(("tolerance", "patches"), [(0.5, 1), (1e-3, 4)])
+def test_turned_faces_of_splines_give_turned_patches(tolerance: float, patches: int) -> None:
+    face = as_face(make_face(bumpy()).Reversed())
+    design = hosts.design_from_face(face, tolerance=tolerance)
+    assert len(design.patches) >= patches
+    assert isinstance(design.surface, Quilt) == (patches > 1)
+    assert max(normal_gap(face, patch) for patch in design.patches) < 0.3
 
 
 def test_corners_of_a_spline_are_where_patches_meet() -> None:
@@ -539,10 +590,36 @@ def test_patches_continue_faces(order: str, number: int) -> None:
         assert np.abs((normal * radial).sum(axis=1)) == pytest.approx(1, abs=1e-8)
 
 
+@pytest.mark.parametrize("number", [0, 1])
+def test_the_curve_that_a_patch_reaches_may_run_either_way(number: int) -> None:
+    face = quarter()
+    edge = subshapes(face, "EDGE")[number]
+    line = hosts.core_of_edge(edge)
+    points = line.evaluate(np.linspace(*line.domain, 3)) + [4.0, 5.0, 6.0]
+    there, back = (hosts.patch_on_face(face, edge, Curve(one)).surface for one in (points, points[::-1]))
+    np.testing.assert_allclose(back.control_points, there.control_points, atol=1e-9)
+
+
+@pytest.mark.parametrize("reach", [3.0, 12.0])
+def test_the_reach_of_a_patch_is_its_speed_away_from_the_edge(reach: float) -> None:
+    face = quarter()
+    arcs = [edge for edge in subshapes(face, "EDGE") if kind_of(as_edge(edge)) == "Circle"]
+    rim = next(edge for edge in arcs if hosts.core_of_edge(edge).evaluate(0.0)[2] > 5)
+    line = hosts.core_of_edge(rim)
+    points = line.evaluate(np.linspace(*line.domain, 3)) + [0, 0, 6]
+    surface = hosts.patch_on_face(face, rim, Curve(points), reach=reach, tolerance=0.1).surface
+    speeds = np.linalg.norm(surface.derivative(0.0, np.linspace(0, 1, 9), (1, 0)), axis=-1)
+    assert speeds == pytest.approx(reach, rel=1e-6)
+
+
 def test_what_is_no_side_is_refused() -> None:
-    other = make_edge(EllipseArc([0, 0, 4], [5, 0, 0], [0, 5, 0], 0.0, 1.0))
-    with pytest.raises(InputError, match="whole side"):
-        hosts.patch_on_face(quarter(), other, SWING)
+    for arc in (
+        EllipseArc([0, 0, 4], [5, 0, 0], [0, 5, 0], 0.0, 1.0),
+        EllipseArc([0, 0, 0.01], [5, 0, 0], [0, 5, 0], 0.0, math.radians(120)),
+    ):
+        with pytest.raises(InputError, match="whole side"):
+            hosts.patch_on_face(quarter(), make_edge(arc), SWING)
+    other = make_edge(arc)
     with pytest.raises(InputError, match='"G0", "G1" or "G2"'):
         hosts.patch_on_face(quarter(), other, SWING, order="G3")
 

@@ -20,7 +20,10 @@ from gtcad.converters import mesh as meshing
 from gtcad.converters.mesh import Mesh, combined, mesh_surface, mesh_surfaces, write_mesh
 from gtcad.converters.triangles import Bounds, divided
 from gtcad.errors import ExtraMissing, FileError, InputError, ToleranceBelowPrecision, ToleranceNotMet
+from gtcad.patches import Rotation
 from gtcad.protocol import SeparableSurface
+from gtcad.quilt import Quilt
+from gtcad.solid import Solid
 from tests.pieces import random_surface, surfaces
 
 trimesh: Any = pytest.importorskip("trimesh")
@@ -275,7 +278,7 @@ def test_wrong_arguments_are_named() -> None:
     surface: Any = octants()["(1, 1, 1)"]
     curve: Any = Curve([[0, 0, 0], [1, 1, 0], [2, 0, 0]])
     line = Surface([[[i, i * i, 0]] * 3 for i in range(3)])
-    with pytest.raises(InputError, match="tolerance must be positive and finite, got 0"):
+    with pytest.raises(InputError, match="tolerance must be a finite number above 0, got 0"):
         mesh_surface(surface, tolerance=0)
     with pytest.raises(InputError, match="max_triangles must be at least 4, got 3"):
         mesh_surface(surface, tolerance=1, max_triangles=3)
@@ -375,6 +378,36 @@ def test_export_writes_triangles_and_warns_of_curves(suffix: str, model: Path, t
     table = run("export", model, "-o", out, "--tolerance", "0.1").stdout
     assert "triangles" in table
     assert str(content["shapes"][0]["triangles"]) in table
+
+
+@pytest.mark.parametrize("closed", [Quilt.recognised, lambda *own, **names: Solid(Quilt.recognised(*own, **names))])
+def test_export_writes_the_patches_of_quilts_and_of_solids_without_caps(closed: Any, tmp_path: Path) -> None:
+    names = [f"o{k}" for k in range(8)]
+    ball = closed(list(octants().values()), names=names)
+    gtcad.dump_model({"ball": ball}, tmp_path / "m.json", colors={"ball": "#102030"})
+    result = run("export", tmp_path / "m.json", "-o", tmp_path / "a.glb", "--tolerance", "0.01", "--json")
+    content = json.loads(result.stdout)
+    assert (result.exit_code, content["left_out"]) == (0, [])
+    assert [shape["name"] for shape in content["shapes"]] == [f"ball.{name}" for name in names]
+    scene = trimesh.load(tmp_path / "a.glb")
+    assert set(scene.geometry) == {f"ball.{name}" for name in names}
+    [color] = {tuple(one.visual.material.baseColorFactor[:3]) for one in scene.geometry.values()}
+    assert [round(255 * ((one / 255 + 0.055) / 1.055) ** 2.4) for one in (0x10, 0x20, 0x30)] == list(color)
+    assert run("export", tmp_path / "m.json", "-o", tmp_path / "a.stl", "--tolerance", "0.01").exit_code == 0
+    whole = trimesh.load(tmp_path / "a.stl")
+    assert whole.is_watertight
+    assert whole.volume == pytest.approx(4 / 3 * math.pi * 10**3, rel=0.01)
+
+
+def test_export_refuses_what_would_lack_faces(tmp_path: Path) -> None:
+    tube = Rotation(Curve([[30, 0, 0], [45, 0, 30], [25, 0, 90]]), [0, 0, 0], [0, 0, 1])
+    sheet = Quilt.recognised([tube], names=["tube"])
+    for pot in (Solid(sheet, caps="planar"), Solid(sheet, thickness=1.0)):
+        gtcad.dump_model({"pot": pot, "other": tube}, tmp_path / "m.json")
+        result = run("export", tmp_path / "m.json", "-o", tmp_path / "a.stl", "--tolerance", "1")
+        assert result.exit_code == 3
+        assert "shape 'pot': triangles are made of patches alone: leave out its caps" in result.stderr
+        assert not (tmp_path / "a.stl").exists()
 
 
 @pytest.mark.parametrize(

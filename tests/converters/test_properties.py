@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gtcad import BERNSTEIN, Curve, Surface, measure
+from gtcad.converters import properties
 from gtcad.converters.jobs import fit_shapes, parts_of
 from gtcad.converters.occt import session
 from gtcad.converters.occt.compat import LabelSequence, kernel_module, listed
@@ -173,3 +174,11 @@ def test_units_of_other_files(tmp_path, unit, factor):
     assert found.area == pytest.approx(wanted.area * factor**2, rel=1e-12)
     assert found.volume == pytest.approx(wanted.volume * factor**3, rel=1e-12)
     assert found.points == pytest.approx(wanted.points * factor, rel=1e-12)
+
+
+@pytest.mark.parametrize(("error", "kept"), [(1e-6, True), (1e-4, False)])
+def test_what_is_not_known_to_six_digits_is_not_stated(monkeypatch, error, kept):
+    monkeypatch.setattr(properties, "area", lambda surface, rtol: measure.Estimate(50.0, error))
+    found = stated(ROOF)
+    assert found.area == (50.0 if kept else None)
+    assert found.centroid is not None

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -20,6 +22,7 @@ from gtcad.converters.occt.shells import make_shell
 from gtcad.converters.part import Built, Part
 from gtcad.converters.quilt_fit import fit_quilt
 from gtcad.converters.solid import solid_of
+from gtcad.converters.spline_parts import part_of_surface
 from gtcad.converters.step import read_step, write_step
 from gtcad.patch_joins import join_patch
 from gtcad.patches import Rotation
@@ -151,7 +154,7 @@ def rounded(spline, digits):
     return spline.with_control_points(np.reshape(points, spline.control_points.shape))
 
 
-def test_coordinates_of_ten_digits_lose_no_joint_but_those_of_eight_do():
+def test_coordinates_of_ten_digits_or_nine_decimals_of_a_metre_lose_no_joint_but_those_of_eight_digits_do():
     """Far from the origin and nearly flat, where rounding shows most."""
     left = Surface([[[x, y, 1e-4 * x * y] for y in (0, 10, 20)] for x in (0, 10, 20)])
     rest = [[[60, y, 0.1] for y in (0, 12, 20)], [[70, y, 0.1] for y in (0, 9, 22)]]
@@ -163,6 +166,11 @@ def test_coordinates_of_ten_digits_lose_no_joint_but_those_of_eight_do():
         (joint,) = check(parts, q=quilt)[0].joints
         within = joint.report.tangent_angle_deg <= 1e-6 and joint.report.curvature_jump <= 1e-6
         assert (joint.kept, within) == (kept, digits == 17)
+    in_metres = [one.with_control_points(1e3 * np.round(1e-3 * one.control_points, 9)) for one in splines]
+    parts = [Part(f"q.{name}", one) for name, one in zip(quilt.names, in_metres, strict=True)]
+    (joint,) = check(parts, q=quilt)[0].joints
+    assert joint.kept
+    assert joint.report.tangent_angle_deg > 1e-6
 
 
 def test_a_missing_face_is_missing():
@@ -242,6 +250,60 @@ def test_faces_that_run_otherwise_are_proved_and_their_joints_looked_at(number):
     broken = replace(right, geometry=moved(right.geometry, (1, 2), 1e-5))
     report, _ = check([turned(left, number), turned(broken, 7 - number)], "sheet")
     assert [joint.kept for joint in report.joints] == [False]
+
+
+# --- patches in several faces -----------------------------------------------------------------------------------------
+
+
+def parts_at(part, u, v):
+    """The part in four, cut at places of its domain."""
+    lines = [[ends[0], *(ends[0] * (1 - x) + ends[1] * x for x in at), ends[1]]
+             for ends, at in zip(part.geometry.domain, (u, v), strict=True)]  # fmt: skip
+    cells = itertools.product(*map(pairwise, lines))
+    return [replace(part, geometry=part_of_surface(part.geometry, cell)[0]) for cell in cells]
+
+
+CUTS = {"alike": ((0.3, 0.7), (0.3, 0.7)), "unlike": ((0.3,), (0.25, 0.6)), "one": ((0.4,), ()), "other": ((), (0.6,))}
+
+
+@pytest.mark.parametrize(("name", "number"), [("alike", 1), ("unlike", 0), ("unlike", 6), ("one", 3), ("other", 4)])
+def test_the_edges_of_split_patches_are_compared_whichever_way_the_parts_run(name, number):
+    left, right = (
+        [turned(one, number) for one in parts_at(part, (0.55,) if cuts else (), cuts)]
+        for part, cuts in zip(read("sheet"), CUTS[name], strict=True)
+    )
+    report, rows = check([*left, *right], "sheet")
+    assert [rows[f"sheet.{patch}"].verdict for patch in ("left", "right")] == ["proved"] * 2
+    assert [(joint.name, joint.wanted, joint.kept) for joint in report.joints] == [
+        ("sheet.left.u1-right.u0", "G1", True)
+    ]
+    assert "not compared" not in rows["sheet"].remark
+    report, _ = check([*left, *right], sheet=sheet("G3"))
+    assert [(joint.wanted, joint.kept) for joint in report.joints] == [("G3", False)]
+
+
+@pytest.mark.parametrize(("number", "beside"), [(0, True), (1, True), (2, False)])
+def test_what_is_bent_or_gapes_is_seen_in_each_part_next_to_an_edge(number, beside):
+    left, right = read("sheet")
+    parts = parts_at(right, (0.55,), (0.6,))  # the first two are at u0
+    bent = parts.copy()
+    bent[number] = replace(bent[number], geometry=moved(bent[number].geometry, (1, 2), 1e-5))
+    report, rows = check([left, *bent], "sheet")
+    assert rows["sheet.right"].verdict == "proved"
+    assert [(joint.kept, joint.report.order[1] == "0") for joint in report.joints] == [(not beside, beside)]
+    parts[number] = replace(parts[number], geometry=moved(parts[number].geometry, (0, slice(None)), 3e-5))
+    (joint,) = check([left, *parts], "sheet")[0].joints
+    assert joint.kept == (not beside)
+    assert joint.report.gap == pytest.approx(3e-5 * 3**0.5 if beside else 0.0, rel=1e-6, abs=1e-9)
+
+
+def test_a_part_that_is_missing_at_an_edge_leaves_it_uncompared():
+    left, right = read("sheet")
+    parts = parts_at(left, (0.55,), (0.3,))
+    report, rows = check([*parts[:3], right], "sheet")
+    assert report.joints == ()
+    assert rows["sheet"].verdict == "failed"
+    assert "1 of 1 shared edges not compared" in rows["sheet"].remark
 
 
 # --- bodies -----------------------------------------------------------------------------------------------------------

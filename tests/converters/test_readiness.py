@@ -45,6 +45,21 @@ def one(found: Readiness, criterion: str) -> Finding:
     return findings(found, criterion)[0]
 
 
+def test_sizes_that_nothing_has_are_refused() -> None:
+    def box(size: float) -> Any:
+        return kernel_module("BRepPrimAPI").BRepPrimAPI_MakeBox(size, 1e9, 1e9).Shape()
+
+    assert judged(box(9e11), self_intersection=None).facts["size_mm"] == pytest.approx(9e11)
+    with pytest.raises(InputError, match=r"the size must be at most 1e\+12 mm, got 1.1e\+12 mm"):
+        judged(box(1.1e12), self_intersection=None)
+
+
+def test_errors_come_first_and_what_is_only_told_comes_last() -> None:
+    levels = [finding.level for finding in judged(faulty.ridge(30), tiny_edge=1e3, stored_tolerance=0).findings]
+    assert set(levels) == {"error", "warning", "info"}
+    assert levels == sorted(levels, key=["error", "warning", "info"].index)
+
+
 def test_the_documented_limits_are_those_of_the_profiles() -> None:
     """The table of docs/checking.md: limits with units, a letter for the source, and the codes."""
     text = (Path(__file__).parents[2] / "docs" / "checking.md").read_text(encoding="utf-8")
@@ -246,6 +261,9 @@ def test_every_limit_has_a_source_and_a_code() -> None:
         ("Tiny-Edge = 1um", "tiny-edge", 1e-3),
         ("face-gap=1e-3in", "face-gap", 0.0254),
         ("tangent-angle=0.01rad", "tangent-angle", 0.01 * 180 / math.pi),
+        ("edge-gap=250nm", "edge-gap", 2.5e-4),
+        ("edge-gap=2cm", "edge-gap", 20.0),
+        ("edge-gap=2M", "edge-gap", 2000.0),
         ("curvature-jump=25%", "curvature-jump", 25.0),
         ("degree=7", "degree", 7.0),
         ("valid=off", "valid", None),

@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import mpmath as mp
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
-from gtcad.converters.bspline import BSplineCurve
-from gtcad.converters.spline_parts import elevated, extracted, merged
+from gtcad.converters.bspline import BSplineCurve, BSplineSurface
+from gtcad.converters.spline_parts import (
+    elevated,
+    extracted,
+    merged,
+    part_of_curve,
+    part_of_surface,
+    reversed_curve,
+    reversed_surface,
+)
 from gtcad.errors import InputError
+from tests.splines import PLACES, exact_point, points, random_curve, random_surface
 
 X = np.linspace(0, 1, 201)
 
@@ -147,3 +161,55 @@ def test_what_cannot_be_put_together_or_taken_apart():
     for spline, degree in ((cubic, 4), (rational, 4), (random_spline(rng, 3, 1), 2)):
         with pytest.raises(InputError, match="a polynomial span of degree"):
             elevated(spline, degree)
+
+
+# --- parts ---------------------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 10_000), rational=st.booleans())
+def test_parts_are_where_they_are_said_to_be(seed, rational):
+    rng = np.random.default_rng(seed)
+    a, b, c, d = (2 + 3 * rng.uniform(0, 1, 4)).tolist()
+    if min(abs(a - b), abs(c - d)) < 0.05:
+        return
+    curve, surface = random_curve(rng, rational, (2.0, 5.0)), random_surface(rng, rational, (2.0, 5.0))
+    part, rounding = part_of_curve(curve, (a, b))
+    assert np.abs(points(part) - curve.evaluate(a + (b - a) * PLACES)).max() <= rounding + 1e-12
+    cut, rounding = part_of_surface(surface, ((a, b), (c, d)))
+    wanted = surface.evaluate((a + (b - a) * PLACES)[:, None], (c + (d - c) * PLACES)[None, :])
+    assert np.abs(points(cut) - wanted).max() <= rounding + 1e-12
+    assert rounding < 1e-11
+
+
+def test_reversal_twice_is_nothing():
+    rng = np.random.default_rng(2)
+    curve, surface = random_curve(rng, True), random_surface(rng, True)
+    assert np.array_equal(reversed_curve(reversed_curve(curve)).control_points, curve.control_points)
+    assert np.abs(points(reversed_surface(surface)) - points(surface)[::-1]).max() < 1e-12
+
+
+def test_reversal_keeps_the_domain_to_the_last_digit():
+    for knots in ([0.1, 0.2, 0.3], [0.7, 0.8, 1.9], [-1 / 3, 0.0, 0.1]):
+        curve = BSplineCurve(np.eye(3), knots, [2, 1, 2], 1)
+        assert reversed_curve(curve).domain == curve.domain
+        surface = BSplineSurface(np.ones((3, 3, 3)), knots, [2, 1, 2], 1, knots, [2, 1, 2], 1)
+        assert reversed_surface(surface).domain == surface.domain
+
+
+@pytest.mark.parametrize("rational", [False, True])
+def test_parts_are_as_near_as_their_rounding_says(rational):
+    """At 50 digits, far from the origin."""
+    for seed in range(10):
+        spline = random_curve(np.random.default_rng(seed), rational)
+        spline = replace(spline, control_points=spline.control_points + 1e4)
+        part, rounding = part_of_curve(spline, (0.217, 0.731))
+        assert part.domain == (0.217, 0.731)
+        with mp.workdps(50):
+            apart = [exact_gap(part, spline, x) for x in np.linspace(*part.domain, 17).tolist()]
+        assert 0 < max(apart) <= rounding < 1e-8
+
+
+def exact_gap(a, b, x):
+    one, other = (exact_point(spline, x) for spline in (a, b))
+    return mp.norm([p - q for p, q in zip(one, other, strict=True)])

@@ -180,6 +180,28 @@ def test_the_mean_square_of_the_twist_is_less():
         assert (sines(better) ** 2).mean() < 0.9 * (sines(even) ** 2).mean()
 
 
+UNEVEN = Curve([[0, 0, 0], [10, 20, 5], [20, 25, 20], [30, 10, 25], [40, 0, 10]], (0.2, -0.3))
+ABOVE = Curve([[0, 0, 30], [20, 30, 35], [40, 0, 30]])
+
+
+@pytest.mark.parametrize("seed", [None, *range(4)])
+def test_a_searched_pairing_leaves_a_regular_strip(seed):
+    a, b = UNEVEN, ABOVE
+    if seed is not None:
+        rng = np.random.default_rng(seed)
+        a, b = (
+            Curve(np.column_stack([np.linspace(0, 60, 4), y + rng.normal(0, 4, 4), rng.normal(0, 6, 4)]), gamma)
+            for y, gamma in ((0, (0.3, -0.8)), (30, (-0.6, 0.5)))
+        )
+    even, better = quasi_developable(a, b), quasi_developable(a, b, pairing="least-twist")
+    assert even.report.regular
+    assert better.report.regular
+    slopes = np.linalg.norm(better.derivative(T, 1.0, (1, 0)), axis=1) / np.linalg.norm(b.derivative(T), axis=1).max()
+    assert slopes.min() > 1e-3
+    limit = better.report.twist_bound_deg
+    assert quasi_developable(a, b, pairing="least-twist", max_twist_deg=limit) is not None
+
+
 def test_a_limit_of_the_twist_is_kept_or_refused():
     found = quasi_developable(LOW, HIGH).report
     strip = quasi_developable(LOW, HIGH, max_twist_deg=found.twist_bound_deg)
@@ -187,6 +209,11 @@ def test_a_limit_of_the_twist_is_kept_or_refused():
     with pytest.raises(InputError, match=r"may twist by 5 degrees along a ruling, but does by 12\.59 at t = 0\.397"):
         quasi_developable(LOW, HIGH, max_twist_deg=5)
     assert quasi_developable(LOW, HIGH, pairing="least-twist", max_twist_deg=5).report.twist_deg < 5
+    middle = (found.twist_deg + found.twist_bound_deg) / 2
+    with pytest.raises(InputError, match=r"is not proved to twist by less: it does by 12\.59 at t = 0\.397.* proved\)"):
+        quasi_developable(LOW, HIGH, max_twist_deg=middle)
+    with pytest.raises(InputError, match="with no bound: it is singular or nearly so"):
+        quasi_developable(LOW, LOW, max_twist_deg=5)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,14 @@ from gtcad.basis import Basis
 from gtcad.errors import InputError, SingularDevelopable
 from gtcad.factors import CurveOfTerms, Stacked, Waves
 from gtcad.measure import area
-from gtcad.patches import Enveloping, PlaneFamily, developability, geodesic_developable, spine_developable
+from gtcad.patches import (
+    Enveloping,
+    PlaneFamily,
+    SpineDevelopable,
+    developability,
+    geodesic_developable,
+    spine_developable,
+)
 from gtcad.patches._moving_frames import Unresolved
 from tests import reference
 from tests.patches import developables as exact
@@ -26,6 +33,8 @@ SPINE = Curve([[0, 0, 0], [10, 20, 5], [20, 25, 20], [30, 10, 25], [40, 0, 10]],
 T = np.linspace(0, 1, 41)
 PATCHES = regular_patches(6)
 TURN = 2 * math.pi
+APEX = np.array([3.0, -2.0, 90.0])
+CONE = np.array([[1, 0, 0.4], [1, 1.2, 0.5], [-0.3, 1, 0.4], [-1, 0.8, 0.5]])  # normals
 
 
 def helix(radius=30.0, pitch=40.0, turns=0.6):
@@ -71,6 +80,32 @@ def test_the_edge_of_regression_runs_along_the_rulings():
 def test_the_edge_of_regression_at_infinity_has_no_points():
     wall = PlaneFamily([[1, 0, 0, 1], [1, 1, 0, 1], [0, 1, 0, 1]])
     assert np.isnan(wall.edge_of_regression(T)).all()
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("weights", [[1, 1, 1], [1, 2, 0.7], [0.1, 0.3, 0.1]])
+def test_planes_that_do_not_turn_have_no_rulings(weights, size):
+    still = PlaneFamily(size * np.outer(weights, [1, 0.1, 0.3, 1]), (0.3, -0.2))
+    parallel = PlaneFamily(size * np.array([[1, 0.1, 0.3, d] for d in (1, 2, 5)]))
+    for family in (still, parallel):
+        assert np.isnan(family.ruling(T).direction).all()
+        assert np.isnan(family.ruling(T).point).all()
+        assert np.isnan(family.edge_of_regression(T)).all()
+
+
+@pytest.mark.parametrize("angle", [1e-1, 1e-5, 1e-10])
+def test_planes_that_turn_little_have_rulings(angle):
+    # z = angle t x + (angle t)^2 y: the planes touch at x + 2 angle t y = 0, and at the origin all
+    family = PlaneFamily([[0, 0, 1, 0], [-angle / 2, 0, 1, 0], [-angle, -(angle**2), 1, 0]], family=BERNSTEIN)
+    expected = np.column_stack([-2 * angle * T, np.ones(41), -((angle * T) ** 2)])
+    expected /= np.linalg.norm(expected, axis=1)[:, None]
+    assert np.cross(family.ruling(T).direction, expected) == pytest.approx(np.zeros((41, 3)), abs=1e-15 / angle)
+    if angle > 1e-6:  # with less, the second derivative of the normals is rounding
+        assert family.edge_of_regression(T) == pytest.approx(np.zeros((41, 3)), abs=1e-12)
+
+
+def test_planes_without_a_normal_have_no_unit_normal():
+    assert np.isnan(PlaneFamily([[1, 0, 0, 9], [-1, 0, 0, 9]], family=BERNSTEIN).normal(0.5)).all()
 
 
 def test_planes_are_those_of_many_digits():
@@ -170,15 +205,13 @@ def test_regression_points_are_those_of_the_family():
 
 
 def test_planes_through_a_point_envelop_a_cone():
-    apex = np.array([3.0, -2.0, 90.0])
-    normals = np.array([[1, 0, 0.4], [1, 1.2, 0.5], [-0.3, 1, 0.4], [-1, 0.8, 0.5]])
-    family = PlaneFamily(np.column_stack([normals, normals @ apex]), (0.4, -0.5))
-    assert family.edge_of_regression(T) == pytest.approx(np.tile(apex, (41, 1)), abs=1e-10)
+    family = PlaneFamily(np.column_stack([CONE, CONE @ APEX]), (0.4, -0.5))
+    assert family.edge_of_regression(T) == pytest.approx(np.tile(APEX, (41, 1)), abs=1e-10)
     patch = family.enveloping([0, 0, 1, 0], [0, 0, 1, 40])
     along = patch.evaluate(T, 1.0) - patch.evaluate(T, 0.0)
-    assert np.cross(along, apex - patch.evaluate(T, 0.0)) == pytest.approx(np.zeros((41, 3)), abs=1e-8)
+    assert np.cross(along, APEX - patch.evaluate(T, 0.0)) == pytest.approx(np.zeros((41, 3)), abs=1e-8)
     nearest = developability(patch).regression_distance
-    assert nearest == pytest.approx(np.linalg.norm(apex - patch.evaluate(T, 1.0), axis=1).min(), rel=1e-4)
+    assert nearest == pytest.approx(np.linalg.norm(APEX - patch.evaluate(T, 1.0), axis=1).min(), rel=1e-4)
 
 
 def test_upright_planes_envelop_a_cylinder_of_known_area():
@@ -252,6 +285,41 @@ def test_affine_images(patch, matrix):
     assert image.regression(T)[near] == pytest.approx(edge[near] @ matrix.T + offset, abs=1e-5)
 
 
+@pytest.mark.parametrize("patch", MOVABLE, ids=["enveloping", "curve", "tangent", "geodesic", "edge of regression"])
+@pytest.mark.parametrize("size", [1e-6, 1e3, 1e6])
+def test_the_definition_error_grows_as_the_patch_does(patch, size):
+    image = patch.transformed(size * np.eye(3))
+    assert image.definition_error == pytest.approx(size * patch.definition_error, rel=0.5)
+    assert developability(image).regular
+
+
+def at_start(curve):
+    """The exact start of a curve of basis functions and Chebyshev series."""
+    values = []
+    for part in getattr(curve.factors, "parts", (curve.factors,)):
+        if isinstance(part, Basis):
+            values += [mp.mpf(1)] + [mp.mpf(0)] * (part.count - 1)
+        else:
+            values += [mp.fsum((-1) ** j * mp.mpf(c) for j, c in enumerate(row)) for row in part.coefficients.tolist()]
+    return [
+        mp.fsum(x * mp.mpf(c) for x, c in zip(values, column, strict=True)) for column in curve.coefficients.T.tolist()
+    ]
+
+
+def test_the_rounding_of_a_placement_is_within_the_definition_error():
+    points = SPINE.control_points * 1e6 / 3
+    rows = np.array([[1 / 3, 0.2, 0.1, 1e3 / 7], [0.1, 1 / 7, 0.9, 3], [0.3, -0.7, 1 / 9, 5]])
+    patch = SpineDevelopable(Curve(points, SPINE.gamma), (1.0, 2.0), rows)
+    with mp.workdps(40):
+        first, second = ([mp.mpf(x) for x in row] for row in points[:2].tolist())
+        along = exact.unit([b - a for a, b in zip(first, second, strict=True)])
+        for w, curve in ((1, patch.a), (2, patch.b)):
+            place = [a + w * b for a, b in zip(first, along, strict=True)] + [mp.mpf(1)]
+            expected = [exact.dot([mp.mpf(x) for x in row], place) for row in rows.tolist()]
+            apart = mp.sqrt(mp.fsum((a - b) ** 2 for a, b in zip(at_start(curve), expected, strict=True)))
+            assert apart <= patch.definition_error <= 1e-14 * np.abs(points).max()
+
+
 def test_patches_are_equal_by_content_and_pickled():
     for patch in MOVABLE:
         again = pickle.loads(pickle.dumps(patch))
@@ -268,6 +336,8 @@ def test_patches_are_equal_by_content_and_pickled():
         ([0, 0, 1], "bound_b must be a plane"),
         ("top", "bound_b must be a plane"),
         ([0, math.inf, 1, 1], "bound_b must be a plane"),
+        (PATCHES[0], "or a curve, got Enveloping$"),
+        (None, "or a curve, got None$"),
     ],
 )
 def test_wrong_bounds(bound, message):
@@ -352,6 +422,16 @@ def test_a_ruling_parallel_to_a_bound_is_found(seed, place):
     assert caught.value.t == pytest.approx(root, abs=1e-9) or caught.value.t < min(first + 3e-4, root)
 
 
+def test_the_first_ruling_parallel_to_either_bound_is_told():
+    family = PlaneFamily(np.column_stack([CONE, CONE @ APEX]), (0.4, -0.5))
+    # upright planes along one ruling each
+    first, last = ([*np.cross(family.ruling(t).direction, [0, 0, 1]), 60.0] for t in (0.31, 0.9))
+    for bounds, name in (((first, last), "bound_a"), ((last, first), "bound_b")):
+        with pytest.raises(SingularDevelopable, match=f"parallel to the plane {name}") as caught:
+            family.enveloping(*bounds)
+        assert caught.value.t == pytest.approx(0.31, abs=1e-9)
+
+
 def test_a_plane_without_a_normal_is_found():
     family = PlaneFamily([[1, 0, 0, 9], [0, 1, 0, 9], [-1, 0, 0, 9]], family=BERNSTEIN)
     moved = PlaneFamily([[1, 0, 0, 9], [0, 1e-9, 0, 9], [-1, 0, 0, 9]], family=BERNSTEIN)
@@ -371,6 +451,17 @@ def test_bounds_that_meet_are_found():
     assert np.linalg.norm(b - a) > height
 
 
+def test_bounds_that_are_one_but_for_rounding_meet_at_the_start():
+    family = PATCHES[0].family
+    for apart in (0.0, 1e-14, 1e-12):
+        with pytest.raises(SingularDevelopable, match="the boundaries meet") as caught:
+            family.enveloping(LOW, (*LOW[:3], LOW[3] + apart))
+        assert caught.value.t == 0
+    assert family.enveloping(LOW, (*LOW[:3], LOW[3] + 1e-6)) is not None
+    with pytest.raises(SingularDevelopable, match=r"the boundaries meet at t = 0$"):
+        spine_developable(SPINE, (5, 5 + 1e-14))
+
+
 def test_planes_that_all_stand_still_have_no_patch():
     with pytest.raises(SingularDevelopable, match="does not turn at t = 0"):
         PlaneFamily([[0, 0.5, 1, 4]] * 3).enveloping([1, 0, 0, 0], [1, 0, 0, 9])
@@ -380,6 +471,24 @@ def test_a_cylinder_with_a_cusp_has_a_ruling_without_tangent_plane():
     family = PlaneFamily([[1, 0, 0, 20], [1, 1, 0, 24], [0, 1, 0, 20]], (1, 1))
     with pytest.raises(SingularDevelopable, match="no tangent plane at t = 0"):
         family.enveloping([0, 0, 1, 0], [0, 0, 1, 9])
+
+
+@pytest.mark.parametrize("far", [0.0, 1e4, 1e6])
+def test_a_bound_through_the_apex_of_a_cone_is_refused_at_its_start(far):
+    family = PlaneFamily(np.column_stack([CONE, CONE @ APEX]), (0.4, -0.5)).transformed(np.eye(3), [far, far, 0])
+    low, high = [0, 0, 1, 0], [0, 0, 1, 90]
+    for bounds in ((low, high), (high, low), (low, Curve([APEX + [far, far, 0]] * 3))):
+        with pytest.raises(SingularDevelopable, match="edge of regression meets the patch") as caught:
+            family.enveloping(*bounds)
+        assert caught.value.t == 0
+
+
+def test_planes_through_one_line_have_no_patch():
+    # all contain the line x = z = 9
+    family = PlaneFamily([[1, 0, 0, 9], [0, 0, 1, 9], [-1, 0, 0, -9]])
+    with pytest.raises(SingularDevelopable, match="a ruling has no tangent plane") as caught:
+        family.enveloping([0, 1, 0, 0], [0, 1, 0, 9])
+    assert caught.value.t == 0
 
 
 def test_what_is_nearly_singular_asks_for_parts():
@@ -491,6 +600,10 @@ def test_distances_and_curves_that_have_no_developable():
     for make in (spine_developable, geodesic_developable):
         with pytest.raises(SingularDevelopable, match=r"curvature .* vanishes at t = 0"):
             make(line, (1, 2))
+    point = Curve([[1e6 / 3, 2e5 / 7, 3]] * 3)
+    for make in (spine_developable, geodesic_developable):
+        with pytest.raises(SingularDevelopable, match=r"speed .* vanishes at t = 0$"):
+            make(point, (1, 2))
     upright = PlaneFamily([[1, 0, 0, 9], [1, 1, 0, 9], [0, 1, 0, 9]])
     with pytest.raises(SingularDevelopable, match="edge of regression is at infinity at t = 0"):
         spine_developable(upright, (1, 2))

@@ -406,6 +406,8 @@ def test_the_error_of_an_energy_is_honest() -> None:
         found = m.energy(surface, "quasi-harmonic")
         assert abs(mp.mpf(found.value) - total) <= found.error
         assert found.error <= 1e-10 * found.value
+        root = m.harmonic_residual(surface)
+        assert abs(mp.mpf(root.value) - mp.sqrt(total)) <= root.error <= 1e-10 * root.value
 
 
 @pytest.mark.parametrize("turns", [3, 60])
@@ -448,3 +450,12 @@ def test_energies_of_a_disc_of_many_turns(turns: int) -> None:
 def test_wrong_arguments(call: object, message: str) -> None:
     with pytest.raises(InputError, match=message):
         call()
+
+
+def test_sides_in_v_are_the_same_problem_turned() -> None:
+    net = np.random.default_rng(21).normal(size=(4, 5, 3))
+    found = m.harmonic_residual_extremal(net, (0.5, -0.2), (0.1, 0.9), given=("v0", "v1"))
+    assert (found.gamma_u, found.gamma_v) == ((0.5, -0.2), (0.1, 0.9))
+    turned = m.harmonic_residual_extremal(np.swapaxes(net, 0, 1), (0.1, 0.9), (0.5, -0.2), given=("u0", "u1"))
+    np.testing.assert_array_equal(found.control_points, np.swapaxes(turned.control_points, 0, 1))
+    np.testing.assert_array_equal(found.control_points[:, [0, -1]], net[:, [0, -1]])

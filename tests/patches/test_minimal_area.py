@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from gtcad import BERNSTEIN, GT, Curve, Surface
 from gtcad.basis import Basis, Family
 from gtcad.errors import InputError
+from gtcad.factors import SurfaceOfTerms, Waves
 from gtcad.measure import area, dirichlet_energy
 from gtcad.patches import Plateau, Rotation, area_bounds, dirichlet_extremal, fixed_contour, least_area
 from gtcad.patches._area import AreaFunctional
@@ -141,6 +142,14 @@ def test_a_least_area_is_stationary_and_keeps_the_boundary() -> None:
         assert again.gradient <= 1e-4
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_patch_of_least_area_stays_as_it_is(seed: int) -> None:
+    found = least_area(dirichlet_extremal(np.random.default_rng(seed).normal(size=(4, 4, 3))))
+    again = least_area(found.patch)
+    assert again.patch == found.patch
+    assert again.area == again.start == found.area
+
+
 def test_straight_edges_give_the_settings_one_minimum() -> None:
     """Free boundary with straight edges: another trial space, the same film."""
     corners = np.array([[0, 0, 0], [1, 0, 1], [1, 1, 0], [0, 1, 1]], dtype=float)
@@ -218,6 +227,17 @@ def test_bounds_hold_what_quadrature_finds(seed: int) -> None:
     assert found.lower <= estimated + estimated.error
     assert estimated - estimated.error <= found.upper
     assert found.upper <= found.lower * (1 + 1e-3)
+
+
+@pytest.mark.parametrize("turns", [20.0, 50.0, 90.0])
+@pytest.mark.parametrize("rtol", [0.5, 1e-2, 1e-9])
+def test_bounds_hold_where_a_surface_waves_too_fast_for_its_series(turns: float, rtol: float) -> None:
+    """A strip wound round a cylinder of radius 1: as long as the angle."""
+    coefficients = np.zeros((3, 2, 3))
+    coefficients[1, :, 0] = coefficients[2, :, 1] = coefficients[0, 1, 2] = 1.0
+    strip = SurfaceOfTerms(Waves(0.0, turns), Basis(1, family=BERNSTEIN), coefficients)
+    found = area_bounds(strip, rtol=rtol)
+    assert found.lower <= turns <= found.upper <= (1 + rtol) * found.lower
 
 
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-9, 1e-11])

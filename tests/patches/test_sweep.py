@@ -578,6 +578,15 @@ WAVY = Curve([[0, 0], [30, 30], [60, -30], [90, 0]], family=BERNSTEIN)  # an inf
 SHARP = Curve([[0, 0, 0], [60, 60, 3], [1, 60, 0], [60, 0, 1]], family=BERNSTEIN)
 
 
+def stopping(place):
+    """A spine that stops at one place, and nearly at 0.9: C' = (t - place) ((t - 0.9)^2 + 1e-5) q(t)."""
+    slopes = [np.polynomial.Polynomial([-place, 1]) * [0.81001, -1.8, 1] * q for q in ([1, 0.3], [0.2, 1], [0.1, -0.4])]
+    power = 100 * np.column_stack([one.integ().coef for one in slopes])
+    count = len(power)
+    rows = [[math.comb(i, k) / math.comb(count - 1, k) for k in range(count)] for i in range(count)]
+    return Curve(rows @ power, family=BERNSTEIN)
+
+
 @pytest.mark.parametrize(
     ("spine", "options", "message"),
     [
@@ -585,6 +594,7 @@ SHARP = Curve([[0, 0, 0], [60, 60, 3], [1, 60, 0], [60, 0, 1]], family=BERNSTEIN
         (STOP.reversed(), {}, "no vanishing speed, but it vanishes at v = 1"),
         (BACK, {}, "no vanishing speed, but it vanishes at v = 0.5"),
         (STOP, {"frame": "fixed"}, "speed vanishes at v = 0"),
+        (stopping(0.30027), {}, "no vanishing speed, but it vanishes at v = 0.30027"),
         (WAVY, {"frame": "frenet"}, "no vanishing curvature, but it vanishes at v = 0.5"),
         (line([0, 0, 0], [9, 0, 0]), {"frame": "frenet"}, "no vanishing curvature, but it vanishes at v = 0"),
         (Curve([[0, 0, 0], [4, 4, 4], [9, 9, 9]]), {"frame": "frenet"}, "it vanishes at v = "),

@@ -49,6 +49,15 @@ def test_one_broken_kernel_is_named(monkeypatch):
         compat.kernel_module("gp")
 
 
+def test_a_kernel_that_is_interrupted_while_it_loads_is_not_broken(monkeypatch):
+    def load(name):
+        raise ImportError("initialization failed") from KeyboardInterrupt()
+
+    monkeypatch.setattr(compat.importlib, "import_module", load)
+    with pytest.raises(KeyboardInterrupt):
+        compat.kernel_module("gp")
+
+
 def test_a_damaged_OCP_is_kernel_missing_in_a_fresh_process(tmp_path):
     (tmp_path / "OCP").mkdir()
     (tmp_path / "OCP" / "__init__.py").write_text("")

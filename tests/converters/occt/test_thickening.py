@@ -85,7 +85,7 @@ def test_wrong_arguments_are_refused():
     for thickness in (0.0, math.nan, math.inf, "thick", None):
         with pytest.raises(InputError, match="thickness must be a finite number of mm other than 0, got"):
             thicken(fit, thickness, tolerance=TOLERANCE)
-    with pytest.raises(InputError, match="tolerance must be a positive number of mm, got -1"):
+    with pytest.raises(InputError, match="tolerance must be a finite number above 0, got -1"):
         thicken(fit, 1.0, tolerance=-1)
     with pytest.raises(InputError, match='caps must be "none" or "planar"'):
         thicken(fit, 1.0, tolerance=TOLERANCE, caps="all")

@@ -19,7 +19,6 @@ from tests.converters.occt import shapes
 
 BRep = kernel_module("BRep")
 BRep_Tool = BRep.BRep_Tool
-TopAbs = kernel_module("TopAbs")
 
 
 def kernel_area(face):
