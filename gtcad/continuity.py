@@ -250,10 +250,28 @@ def join_curve(
     ends = _end_derivatives(curve, count)
     points = np.linalg.solve(start.matrix, chain_rule(scale, len(ends)) @ ends)
     points[0] = ends[0]
-    free = np.asarray(rest, dtype=np.float64).reshape(-1, points.shape[1]) if np.size(rest) else points[:0]
-    if len(free) != degree - count:
-        raise InputError(f"rest must be {degree - count} control points for degree {degree}, {order}; got {len(free)}")
+    free = checked_rest("points", rest, (degree - count, points.shape[1]), f"degree {degree}, {order}")
     return Curve(np.concatenate([points, free]), basis.gamma, family)
+
+
+def checked_rest(what: str, rest: ArrayLike, shape: tuple[int, int], wanting: str) -> Array:
+    """The control points, or planes, that a join leaves free.
+
+    Raises
+    ------
+    InputError
+        When there are not so many of that length.
+    """
+    try:
+        rows = np.asarray(rest, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"rest must be control {what}, shape {shape}: {error}") from None
+    rows = rows if rows.size else np.empty((0, shape[1]))
+    if rows.ndim != 2 or rows.shape[1] != shape[1]:
+        raise InputError(f"rest must be control {what}, shape {shape}, got {rows.shape}")
+    if len(rows) != shape[0]:
+        raise InputError(f"rest must be {shape[0]} control {what} for {wanting}; got {len(rows)}")
+    return rows
 
 
 def _end_derivatives(curve: Derivable, order: int) -> Array:

@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gtcad._plane_contact import STILL, Local, Weights, angle_deg, fitted, gap, largest, relative, seen_from
 from gtcad.basis import GT, Basis, Family, checked_gamma
-from gtcad.continuity import PARAMETRIC, Scale, Start, Thresholds, chain_rule, meets_order, parsed_order
+from gtcad.continuity import PARAMETRIC, Scale, Start, Thresholds, chain_rule, checked_rest, meets_order, parsed_order
 from gtcad.errors import InputError, SingularJoin
 from gtcad.patches.developable import PlaneFamily
 
@@ -107,21 +107,8 @@ def join_planes(
         wanted = _products(weights, count + 1) @ chain_rule(scale, count + 1) @ _ends(first, count)
         rows = np.asarray(np.linalg.solve(start.matrix, wanted))
         rows[0] = wanted[0]
-    return PlaneFamily(np.concatenate([rows, _free(rest, degree - count, f"degree {degree}, {order}")]), gamma, family)
-
-
-def _free(rest: ArrayLike, count: int, wanting: str) -> Array:
-    """The control planes that are given, shape (count, 4)."""
-    try:
-        planes = np.asarray(rest, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"rest must be control planes (a, b, c, d): {error}") from None
-    planes = planes if planes.size else np.empty((0, 4))
-    if planes.ndim != 2 or planes.shape[1] != 4:
-        raise InputError(f"rest must be control planes (a, b, c, d), shape ({count}, 4), got {planes.shape}")
-    if len(planes) != count:
-        raise InputError(f"rest must be {count} control planes for {wanting}; got {len(planes)}")
-    return planes
+    free = checked_rest("planes (a, b, c, d)", rest, (degree - count, 4), f"degree {degree}, {order}")
+    return PlaneFamily(np.concatenate([rows, free]), gamma, family)
 
 
 def _check_families(**families: PlaneFamily) -> None:

@@ -70,6 +70,8 @@ def test_a_first_curve_without_a_tangent_is_refused(first):
         ({"order": "G1", "scale": (-1.0, 0.0, 0.0)}, "eta > 0"),
         ({"order": "G1", "scale": (1.0, math.nan, 0.0)}, "finite"),
         ({"order": "G2", "rest": [[1, 1]]}, "rest must be 2 control points"),
+        ({"order": "G2", "rest": [[1, 1, 2, 3]]}, r"rest must be control points, shape \(2, \d\), got \(1, 4\)"),
+        ({"order": "G2", "rest": "points"}, "rest must be control points, shape"),
         ({"order": "G1", "gamma": (0.0, 2.0)}, "gamma"),
     ],
 )

@@ -233,7 +233,7 @@ def test_ratios_of_other_joins_do_not_fit():
         ("G2", {"scale": "abc"}, "three finite numbers"),
         ("G2", {"weights": (1, math.nan, 0, 0)}, "four finite numbers"),
         (FARIN_BOEHM, {"ratios": 3}, "two numbers"),
-        ("G2", {"rest": [[1, 2, 3, 4]]}, "rest must be 3 control planes for degree 5, G2; got 1"),
+        ("G2", {"rest": [[1, 2, 3, 4]]}, "rest must be 3 control planes .* for degree 5, G2; got 1"),
         (
             "G2",
             {"rest": np.ones((1, 12))},

@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gtcad.basis import checked_order, checked_parameters
-from gtcad.chebyshev import UNIT_ROUNDOFF
 from gtcad.errors import SingularDevelopable
 from gtcad.factors import CurveOfTerms, SurfaceOfTerms
 from gtcad.patches._definitions import Edge
 from gtcad.patches._moving_frames import largest_norm
-from gtcad.patches._patch import LINEAR, Patch, Rows, placed
+from gtcad.patches._patch import LINEAR, Patch, Rows, placed, placed_error
 from gtcad.patches._singular import VANISHES, first_zero
 
 Array = NDArray[np.float64]
@@ -89,13 +88,8 @@ class Developable(Patch):
     def definition_error(self) -> float:
         """Proved bound of the distance from the patch by definition at equal parameters, in the model's unit."""
         curves = [edge.curve for edge in self._edges]
-        error = max(bound for _, bound in curves)
-        if self.placement is None:
-            return error
-        matrix, offset = np.array(self.placement)[:, :3], np.array(self.placement)[:, 3]
         sizes = [curve.factors.derivative_bound(0) * largest_norm(curve.coefficients) for curve, _ in curves]
-        moved = float(np.linalg.norm(matrix)) * max(sizes) + float(np.linalg.norm(offset))
-        return float(np.linalg.norm(matrix, 2)) * error + 8 * UNIT_ROUNDOFF * moved
+        return placed_error(self.placement, max(bound for _, bound in curves), max(sizes))
 
     # By definition
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gtcad.basis import BERNSTEIN, Basis
+from gtcad.chebyshev import UNIT_ROUNDOFF
 from gtcad.errors import InputError
 from gtcad.factors import SurfaceOfTerms, WithIsoparametrics
 from gtcad.protocol import Factors, SeparableCurve, affine
@@ -152,6 +153,15 @@ def placed(terms: SurfaceOfTerms, placement: Rows | None) -> SurfaceOfTerms:
         return terms
     rows = np.array(placement)
     return terms.transformed(rows[:, :3], rows[:, 3])
+
+
+def placed_error(placement: Rows | None, error: float, size: float) -> float:
+    """What becomes of a bound of a distance between points up to a size by a placement, its rounding included."""
+    if placement is None:
+        return error
+    matrix, offset = np.array(placement)[:, :3], np.array(placement)[:, 3]
+    moved = float(np.linalg.norm(matrix)) * size + float(np.linalg.norm(offset))
+    return float(np.linalg.norm(matrix, 2)) * error + 8 * UNIT_ROUNDOFF * moved
 
 
 def handedness(matrix: ArrayLike, tolerance: float = _SIMILAR) -> int:

@@ -39,6 +39,7 @@ from gtcad.patches._patch import (
     handedness,
     in_space,
     placed,
+    placed_error,
 )
 from gtcad.polynomial import Polynomials
 from gtcad.protocol import SeparableCurve
@@ -167,9 +168,11 @@ class Sweep(Patch):
     @property
     def definition_error(self) -> float:
         """Proved bound of the distance of this surface from the sweep as defined, in the model's unit."""
-        radius = self.profile.factors.derivative_bound(0) * largest_norm(self.profile.coefficients)
-        stretch = 1.0 if self.placement is None else float(np.linalg.norm(np.array(self.placement)[:, :3], 2))
-        return radius * stretch * (max(self.scale) * self.frame_error + self._turned[1])
+        radius, reach = (
+            curve.factors.derivative_bound(0) * largest_norm(curve.coefficients) for curve in (self.profile, self.spine)
+        )
+        error = radius * (max(self.scale) * self.frame_error + self._turned[1])
+        return placed_error(self.placement, error, reach + 2 * max(self.scale) * radius)
 
     @cached_property
     def closing_deg(self) -> float:

@@ -4,6 +4,7 @@ import itertools
 import math
 import pickle
 from collections import Counter
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -28,6 +29,7 @@ from gtcad.patches.sweep import Sweep, sweep_parts
 from gtcad.restricted import RestrictedCurve
 from tests import reference
 from tests.patches.kinds import WAVE, line
+from tests.patches.test_developable import at_start
 
 FRAMES = ("rotation-minimising", "frenet", "fixed")
 T = np.linspace(0, 1, 41)
@@ -162,6 +164,18 @@ def test_the_surface_is_within_its_definition_error(frame):
             ]
             gap = distance(sweep.evaluate(u, v), (expected,))
         assert gap <= sweep.definition_error + 1e-13  # what the evaluation itself rounds
+
+
+def test_the_rounding_of_a_placement_is_within_the_definition_error():
+    rows = np.array([[1 / 3, 0.2, 0.1, 1e7 / 7], [0.1, 1 / 7, 0.9, 3e6 / 11], [0.3, -0.7, 1 / 9, 5e6 / 13]])
+    spine = Curve(SPINE.control_points * 1e6 / 3 + 1e6 / 7, SPINE.gamma)
+    sweep = Sweep(LENS, spine, frame="fixed")
+    far = replace(sweep, placement=rows)
+    start, moved = (at_start(CurveOfTerms(one.factors_v, one.coefficients[0])) for one in (sweep, far))
+    with mp.workdps(40):
+        expected = [mp.fsum(mp.mpf(x) * y for x, y in zip(row, [*start, 1], strict=True)) for row in rows.tolist()]
+        apart = mp.sqrt(mp.fsum((x - y) ** 2 for x, y in zip(moved, expected, strict=True)))
+    assert sweep.definition_error < apart <= far.definition_error
 
 
 # The frame of a GT curve at many digits, as the Frenet frame turned by the integral of the torsion
