@@ -113,7 +113,7 @@ def check_split_edge(first: Sequence[Stretch], second: Sequence[Stretch], wanted
         0.0,
         (float(jumps[0]), float(jumps[1]), float(jumps[2])),
         min(report.parametric_order for report, _ in found),
-        min(order for _, order in found),
+        min(max(order, report.parametric_order) for report, order in found),
     )
 
 
