@@ -17,8 +17,9 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LightSource, to_rgb
+from matplotlib.colors import to_rgb
 from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -36,9 +37,9 @@ Array = NDArray[np.float64]
 
 SAMPLES = Path(__file__).parent
 COLORS = 128
-LIGHT = (45.0, 60.0)
+LIGHT = (25.0, 60.0)  # degrees to the right of the eye, and up
 INK, BEND, MARK, PAPER = "#20242c", "#1f4fb2", "#2a7f3f", "#f4f1ea"
-CELLS, ACROSS = 64, 9
+CELLS, ACROSS, LIFT = 64, 9, 0.01
 TOLERANCE = 0.01
 GAMMAS = ((-0.8, -0.8), (0.0, 0.0), (0.9, 0.9))
 SHOWN = {  # title, azimuth and elevation of the eye in degrees, bend lines
@@ -131,16 +132,19 @@ def sheet_of(model: gtcad.Model, name: str, bends: int) -> Sheet:
 
 
 def draw_space(axes: Axes3D, patches: Sequence[SeparableSurface], color: str, view: tuple[float, float]) -> None:
-    t, light = np.linspace(0.0, 1.0, CELLS + 1), LightSource(azdeg=LIGHT[0] - view[0], altdeg=LIGHT[1])
+    t = np.linspace(0.0, 1.0, CELLS + 1)
     grids = [patch.evaluate(t[:, None], np.linspace(0.0, 1.0, ACROSS)[None, :]) for patch in patches]
-    for grid in grids:
-        x, y, z = np.moveaxis(grid, 2, 0)
-        paint = np.broadcast_to(to_rgb(color), (*x.shape, 3))
-        look = {"facecolors": paint, "lightsource": light, "linewidth": 0, "antialiased": False}
-        axes.plot_surface(x, y, z, rstride=1, cstride=1, **look)
-        for line in (grid[0], grid[-1], grid[:, 0], grid[:, -1]):
-            axes.plot(*line.T, color=INK, linewidth=0.8)
-    points = np.concatenate([grid.reshape(-1, 3) for grid in grids])
+    corners = [np.stack([g[:-1, :-1], g[1:, :-1], g[1:, 1:], g[:-1, 1:]], axis=2).reshape(-1, 4, 3) for g in grids]
+    faces = np.concatenate(corners)
+    points, eye = np.concatenate([grid.reshape(-1, 3) for grid in grids]), directed(*view)
+    sides = [line for grid in grids for line in (grid[0], grid[-1], grid[:, 0], grid[:, -1])]
+    lines = np.concatenate([np.stack([s[:-1], s[1:], s[1:], s[:-1]], axis=1) for s in sides])
+    lines += LIFT * np.linalg.norm(np.ptp(points, axis=0)) * eye
+    shades = brightness(faces, eye, directed(view[0] + LIGHT[0], LIGHT[1]))
+    paint = np.concatenate([shades[:, None] * np.array(to_rgb(color)), np.tile(to_rgb(INK), (len(lines), 1))])
+    # all in one: they hide each other by their depth
+    mesh = Poly3DCollection(np.concatenate([faces, lines]), facecolors=paint, edgecolors=paint, linewidths=0.7)
+    axes.add_collection3d(mesh)
     axes.set_box_aspect(np.ptp(points, axis=0), zoom=1.1)
     for set_limits, low, high in zip(
         (axes.set_xlim, axes.set_ylim, axes.set_zlim), points.min(axis=0), points.max(axis=0), strict=True
@@ -148,6 +152,20 @@ def draw_space(axes: Axes3D, patches: Sequence[SeparableSurface], color: str, vi
         set_limits(low, high)
     axes.view_init(elev=view[1], azim=view[0])
     axes.set_axis_off()
+
+
+def directed(azimuth: float, elevation: float) -> Array:
+    """The unit vector of two angles in degrees."""
+    a, e = np.radians([azimuth, elevation])
+    return np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+
+
+def brightness(faces: Array, eye: Array, light: Array) -> Array:
+    """Of the sides that are seen; those next to the tip of a cone have no area and no normal."""
+    normals = np.cross(faces[:, 2] - faces[:, 0], faces[:, 3] - faces[:, 1])
+    normals *= np.where(normals @ eye < 0, -1.0, 1.0)[:, None]
+    cosines = normals @ light / np.maximum(np.linalg.norm(normals, axis=1), 1e-300)
+    return np.asarray(0.4 + 0.6 * (1 + cosines) / 2)
 
 
 def draw_sheet(axes: Axes, sheet: Sheet) -> None:
