@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -249,13 +251,17 @@ class BSplineSurface:
 
     def evaluate(self, u: ArrayLike, v: ArrayLike) -> Array:
         """Points at the parameters (u, v), which broadcast: shape broadcast(u, v).shape + (d,)."""
-        from scipy.interpolate import NdBSpline
-
         places = np.stack(
             np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64)), axis=-1
         )
-        spline = NdBSpline((self.flat_knots_u, self.flat_knots_v), self.homogeneous, (self.degree_u, self.degree_v))
-        return _project(np.asarray(spline(places)), self.weights)
+        return _project(np.asarray(self._evaluable(places)), self.weights)
+
+    @cached_property
+    def _evaluable(self) -> Any:
+        """The homogeneous control points as scipy's spline."""
+        from scipy.interpolate import NdBSpline
+
+        return NdBSpline((self.flat_knots_u, self.flat_knots_v), self.homogeneous, (self.degree_u, self.degree_v))
 
     @property
     def domain(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -265,13 +271,11 @@ class BSplineSurface:
 
     def derivative(self, u: ArrayLike, v: ArrayLike, orders: tuple[int, int] = (1, 0)) -> Array:
         """Partial derivatives of the orders (in u, in v), (0, 0) the point: shape broadcast(u, v).shape + (d,)."""
-        from scipy.interpolate import NdBSpline
-
         order_u, order_v = (checked_order(f"orders[{k}]", order) for k, order in enumerate(orders))
         places = np.stack(
             np.broadcast_arrays(np.asarray(u, dtype=np.float64), np.asarray(v, dtype=np.float64)), axis=-1
         )
-        spline = NdBSpline((self.flat_knots_u, self.flat_knots_v), self.homogeneous, (self.degree_u, self.degree_v))
+        spline = self._evaluable
         if self.weights is None:
             return np.asarray(spline(places, nu=(order_u, order_v)))
         values = {(i, j): np.asarray(spline(places, nu=(i, j))) for i in range(order_u + 1) for j in range(order_v + 1)}

@@ -34,7 +34,7 @@ Row = Annotated[list[SurfacePoint], Field(min_length=2, max_length=61)]
 PointField = Annotated[CurvePoint, BeforeValidator(checks.point(2, 3))]
 Yes = Annotated[bool, BeforeValidator(checks.yes_or_no)]
 
-TAG = "@"
+TAG = "\0tag "
 INLINE, NAMED = f"{TAG}inline ", f"{TAG}named"
 """Tags of what is spelled out, and of what is the name of another shape; no field begins like them."""
 

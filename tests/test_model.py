@@ -254,6 +254,7 @@ TOML = 'gtcad = 1\n[[shape]]\nname = "arch"\nkind = "curve"\ncontrol_points = [[
         ({"kind": "curve", "name": "arch"}, "control_points: is missing"),
         (ARCH | {"gama": [0, 0]}, "gama: is not a field of this format; did you mean gamma?"),
         (ARCH | {"x y": 1}, "'x y': is not a field of this format"),
+        (ARCH | {"@": None}, "'@': is not a field of this format"),
     ],
 )
 def test_a_wrong_field_is_named_with_what_was_given_and_what_is_allowed(
