@@ -48,7 +48,6 @@ _CODES: tuple[tuple[type[BaseException] | tuple[type[BaseException], ...], Code]
 )
 
 ModelArgument = Annotated[str, typer.Argument(metavar="MODEL", help="A model file, .json or .toml.")]
-FileArgument = Annotated[str, typer.Argument(metavar="FILE", help="A .step, .stp, .igs, .iges or .brep file.")]
 ToleranceOption = Annotated[
     str, typer.Option("--tolerance", metavar="LENGTH", help="In mm, or with a unit: 1e-4, 1e-5in, 0.1um.")
 ]
