@@ -17,8 +17,8 @@ from gtcad.converters.bspline import BSplineCurve
 from gtcad.converters.certificate import certify_curve, deciding
 from gtcad.converters.chain import as_curve, joint_knots, parts_of, runs_of
 from gtcad.converters.figures import Piece, figure_of, figure_of_part
-from gtcad.converters.pace import End, check_rounded_join, rounded_by
 from gtcad.converters.part import EllipseArc, ends_of
+from gtcad.converters.rounding import End, check_rounded_join, rounded_by
 from gtcad.converters.spline_parts import part_of_curve
 from gtcad.converters.verdicts import Row, compared, joined
 from gtcad.errors import InputError

@@ -16,8 +16,9 @@ from gtcad.converters.chain_check import Joint
 from gtcad.converters.correspondence import Way
 from gtcad.converters.figures import Figure, Piece
 from gtcad.converters.folds import crease
-from gtcad.converters.pace import paced, rounded_by, rounding_limits
+from gtcad.converters.pace import paced
 from gtcad.converters.part import BodyFacts
+from gtcad.converters.rounding import rounded_by, rounding_limits
 from gtcad.converters.split_edges import Stretch, check_split_edge, stretches_of
 from gtcad.converters.verdicts import Row, Verdict, compared_parts, joined, ways_over
 from gtcad.converters.wall import SMOOTH, wall_volume

@@ -14,7 +14,8 @@ from gtcad.continuity import JoinReport
 from gtcad.converters.bspline import BSplineSurface
 from gtcad.converters.correspondence import Way
 from gtcad.converters.exact import IDENTITY, ParameterMap
-from gtcad.converters.pace import paced, rounding_limits
+from gtcad.converters.pace import paced
+from gtcad.converters.rounding import rounding_limits
 from gtcad.converters.spline_parts import part_of_surface
 from gtcad.edge_check import EdgeReport, check_edge
 from gtcad.protocol import SeparableSurface

@@ -174,6 +174,7 @@ ORDER = [
     "gtcad.converters.scene",
     "gtcad.converters.verdicts",
     "gtcad.converters.pace",
+    "gtcad.converters.rounding",
     "gtcad.converters.split_edges",
     "gtcad.converters.chain_check",
     "gtcad.converters.quilt_check",

@@ -3,6 +3,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import mpmath as mp
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -604,17 +605,17 @@ def test_bad_arguments_of_a_check():
 # The rounding that proofs rest on
 
 
-def exact_start(mpmath, basis, order):
+def exact_start(basis, order):
     """Derivatives of a GT basis at 0, from the Taylor series of the closed form."""
-    half, (g1, g2), n = mpmath.pi / 2, map(mpmath.mpf, basis.gamma), basis.degree - 2
-    first = mpmath.taylor(lambda t: (1 - mpmath.sin(half * t)) * (1 - g1 * mpmath.sin(half * t)), 0, order)
-    last = mpmath.taylor(lambda t: (1 - mpmath.cos(half * t)) * (1 - g2 * mpmath.cos(half * t)), 0, order)
+    half, (g1, g2), n = mp.pi / 2, map(mp.mpf, basis.gamma), basis.degree - 2
+    first = mp.taylor(lambda t: (1 - mp.sin(half * t)) * (1 - g1 * mp.sin(half * t)), 0, order)
+    last = mp.taylor(lambda t: (1 - mp.cos(half * t)) * (1 - g2 * mp.cos(half * t)), 0, order)
     middle = [(r == 0) - x - y for r, (x, y) in enumerate(zip(first, last, strict=True))]
-    exact = [mpmath.mpf(0)] * basis.count
+    exact = [mp.mpf(0)] * basis.count
     for j, series in enumerate((first, middle, last)):
         for i in range(min(n, order) + 1):
             for r in range(i, min(order, n) + 1):
-                power = (-1) ** (r - i) * mpmath.binomial(n, r) * mpmath.binomial(r, i)  # of t^r in B_i
+                power = (-1) ** (r - i) * mp.binomial(n, r) * mp.binomial(r, i)  # of t^r in B_i
                 exact[i + j] += power * series[order - r] * math.factorial(order)
     return exact
 
@@ -622,18 +623,17 @@ def exact_start(mpmath, basis, order):
 @pytest.mark.parametrize("degree", [2, 3, 5, 8, 30, 60])
 @pytest.mark.parametrize("order", [1, 2, 3])
 def test_derivatives_of_a_basis_at_its_ends_have_few_roundings(degree, order):
-    mpmath = pytest.importorskip("mpmath")
     for gamma in np.random.default_rng(degree).uniform(-1, 1, (5, 2)).tolist():
         basis = Basis(degree, gamma)
         weights = np.linspace(0.1, 1, basis.count)
         patch = Surface(np.einsum("i,j,k->ijk", weights, [1.0, 1.0], [1.0, 0, 0]), gamma, family_v=BERNSTEIN)
         start = SeparableSide(patch, "u0", outward=False)
         end = SeparableSide(patch.reversed("u"), "u1", outward=False)
-        with mpmath.workdps(40):
-            exact = exact_start(mpmath, basis, order)
-            total = sum(mpmath.mpf(w) * x for w, x in zip(weights.tolist(), exact, strict=True))
+        with mp.workdps(40):
+            exact = exact_start(basis, order)
+            total = sum(mp.mpf(w) * x for w, x in zip(weights.tolist(), exact, strict=True))
             for side in (start, end):
-                assert abs(mpmath.mpf(float(side.coefficients(order)[0, 0])) - total) <= side.rounding(order)
+                assert abs(mp.mpf(float(side.coefficients(order)[0, 0])) - total) <= side.rounding(order)
         assert not basis.rows(np.zeros(1), order)[order + 1 :].any()
         assert not basis.rows(np.ones(1), order)[: -order - 1].any()
 

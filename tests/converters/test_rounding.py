@@ -11,8 +11,8 @@ import pytest
 
 from gtcad.continuity import check_join
 from gtcad.converters.bspline import BSplineCurve
-from gtcad.converters.pace import End, check_rounded_join, rounded_by
 from gtcad.converters.part import EllipseArc
+from gtcad.converters.rounding import End, check_rounded_join, rounded_by
 from gtcad.converters.spline_parts import cut
 
 RNG = np.random.default_rng(4)
