@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,11 +16,8 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import to_rgb
-from mpl_toolkits.mplot3d import Axes3D
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-from numpy.typing import NDArray
-from PIL import Image
+from pages import draw_pictures
+from render import Camera, Scene, frame
 
 import gtcad
 from gtcad.converters.flat_outline import Sheet, draw_pattern
@@ -33,13 +29,9 @@ from gtcad.patches.developable import Enveloping
 from gtcad.protocol import SeparableCurve, SeparableSurface
 from gtcad.quilt import Quilt
 
-Array = NDArray[np.float64]
-
 SAMPLES = Path(__file__).parent
-COLORS = 128
-LIGHT = (25.0, 60.0)  # degrees to the right of the eye, and up
 INK, BEND, MARK, PAPER = "#20242c", "#1f4fb2", "#2a7f3f", "#f4f1ea"
-CELLS, ACROSS, LIFT = 64, 9, 0.01
+CELLS = 48
 TOLERANCE = 0.01
 GAMMAS = ((-0.8, -0.8), (0.0, 0.0), (0.9, 0.9))
 SHOWN = {  # title, azimuth and elevation of the eye in degrees, bend lines
@@ -56,7 +48,7 @@ def draw_samples(path: Path) -> None:
     for row, (sample, (title, azimuth, elevation, bends)) in zip(rows, SHOWN.items(), strict=True):
         model = gtcad.load_model(SAMPLES / sample)
         shapes = {name: shape for name, shape in model.items() if name not in model.construction}
-        left, right = row.add_subplot(1, 2, 1, projection="3d"), row.add_subplot(1, 2, 2)
+        left, right = row.add_subplot(1, 2, 1), row.add_subplot(1, 2, 2)
         patches = [patch for shape in shapes.values() for patch in patches_of(shape)]
         color = next(iter(model.colors.values()))
         draw_space(left, patches, color, (azimuth, elevation))
@@ -84,7 +76,7 @@ def draw_gamma(path: Path) -> None:
     figure = plt.figure(figsize=(10.5, 9.5), layout="constrained")
     for column, (gamma, effect) in enumerate(zip(GAMMAS, effects, strict=True), 1):
         others = [Ruled(with_gamma(gore.a, gamma), with_gamma(gore.b, gamma)) for gore in gores]
-        upper = figure.add_subplot(3, 3, column, projection="3d")
+        upper = figure.add_subplot(3, 3, column)
         draw_space(upper, others, lamp.colors["gore 1"], SHOWN["paper-lamp.toml"][1:3])
         upper.set_title(f"gamma = ({gamma[0]:g}, {gamma[1]:g})", fontsize=11, color=INK)
         middle = figure.add_subplot(3, 3, 3 + column)
@@ -131,41 +123,14 @@ def sheet_of(model: gtcad.Model, name: str, bends: int) -> Sheet:
     return draw_pattern(pattern, tolerance=tolerance, bend_lines=bends, holes=drawn[True], marks=drawn[False])
 
 
-def draw_space(axes: Axes3D, patches: Sequence[SeparableSurface], color: str, view: tuple[float, float]) -> None:
+def draw_space(axes: Axes, patches: Sequence[SeparableSurface], color: str, view: tuple[float, float]) -> None:
     t = np.linspace(0.0, 1.0, CELLS + 1)
-    grids = [patch.evaluate(t[:, None], np.linspace(0.0, 1.0, ACROSS)[None, :]) for patch in patches]
-    corners = [np.stack([g[:-1, :-1], g[1:, :-1], g[1:, 1:], g[:-1, 1:]], axis=2).reshape(-1, 4, 3) for g in grids]
-    faces = np.concatenate(corners)
-    points, eye = np.concatenate([grid.reshape(-1, 3) for grid in grids]), directed(*view)
-    sides = [line for grid in grids for line in (grid[0], grid[-1], grid[:, 0], grid[:, -1])]
-    lines = np.concatenate([np.stack([s[:-1], s[1:], s[1:], s[:-1]], axis=1) for s in sides])
-    lines += LIFT * np.linalg.norm(np.ptp(points, axis=0)) * eye
-    shades = brightness(faces, eye, directed(view[0] + LIGHT[0], LIGHT[1]))
-    paint = np.concatenate([shades[:, None] * np.array(to_rgb(color)), np.tile(to_rgb(INK), (len(lines), 1))])
-    # all in one: they hide each other by their depth
-    mesh = Poly3DCollection(np.concatenate([faces, lines]), facecolors=paint, edgecolors=paint, linewidths=0.7)
-    axes.add_collection3d(mesh)
-    axes.set_box_aspect(np.ptp(points, axis=0), zoom=1.1)
-    for set_limits, low, high in zip(
-        (axes.set_xlim, axes.set_ylim, axes.set_zlim), points.min(axis=0), points.max(axis=0), strict=True
-    ):
-        set_limits(low, high)
-    axes.view_init(elev=view[1], azim=view[0])
-    axes.set_axis_off()
-
-
-def directed(azimuth: float, elevation: float) -> Array:
-    """The unit vector of two angles in degrees."""
-    a, e = np.radians([azimuth, elevation])
-    return np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
-
-
-def brightness(faces: Array, eye: Array, light: Array) -> Array:
-    """Of the sides that are seen; those next to the tip of a cone have no area and no normal."""
-    normals = np.cross(faces[:, 2] - faces[:, 0], faces[:, 3] - faces[:, 1])
-    normals *= np.where(normals @ eye < 0, -1.0, 1.0)[:, None]
-    cosines = normals @ light / np.maximum(np.linalg.norm(normals, axis=1), 1e-300)
-    return np.asarray(0.4 + 0.6 * (1 + cosines) / 2)
+    points = np.concatenate([patch.evaluate(t[:, None], t).reshape(-1, 3) for patch in patches])
+    scene = Scene(Camera.around(points, *view))
+    for patch in patches:
+        scene.add_surface(patch, color, CELLS)
+    scene.draw(axes)
+    frame(axes, scene.camera.project(points)[0])
 
 
 def draw_sheet(axes: Axes, sheet: Sheet) -> None:
@@ -189,30 +154,5 @@ def draw_sheet(axes: Axes, sheet: Sheet) -> None:
 PICTURES: dict[str, Callable[[Path], None]] = {"flat-patterns": draw_samples, "flat-gamma": draw_gamma}
 
 
-def shrink(path: Path) -> None:
-    """Few colours, which is a fraction of the size."""
-    with Image.open(path) as picture:
-        small = picture.convert("RGB").quantize(COLORS)
-    small.save(path, optimize=True)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description="Draw the pictures of docs/developables.md.")
-    parser.add_argument("--output", type=Path, required=True, help="the folder for the pictures")
-    parser.add_argument(
-        "pictures", nargs="*", metavar="PICTURE", help=f"every one when left out: {', '.join(PICTURES)}"
-    )
-    given = parser.parse_args()
-    unknown = [name for name in given.pictures if name not in PICTURES]
-    if unknown:
-        parser.error(f"no such picture: {', '.join(unknown)}")
-    given.output.mkdir(parents=True, exist_ok=True)
-    for name in given.pictures or PICTURES:
-        path = given.output / f"{name}.png"
-        PICTURES[name](path)
-        shrink(path)
-        print(path)
-
-
 if __name__ == "__main__":
-    main()
+    draw_pictures("docs/developables.md", PICTURES)
