@@ -15,7 +15,7 @@ from gtcad.converters.occt.topology import make_face
 from gtcad.errors import InputError, ToleranceBelowPrecision, ToleranceNotMet
 from gtcad.patches import Rotation, Ruled, cone, cylinder, developability, geodesic_developable, spine_developable
 from tests.patches import developables as exact
-from tests.patches.developables import HIGH, LOW, random_family, regular_patches
+from tests.patches.developables import HIGH, LOW, distances, random_family, regular_patches
 from tests.patches.kinds import OTHER, QUARTER, WAVE, line
 
 PATCHES = regular_patches(4)
@@ -28,22 +28,6 @@ def sampled_deviation(spline, patch):
     a, b = patch.exact_boundaries(T)
     gaps = [np.linalg.norm(spline.evaluate(T, v) - one, axis=-1).max() for v, one in ((0.0, a), (1.0, b))]
     return max(gaps)
-
-
-def distances(points, u, v, boundaries):
-    """Of points from a ruled surface, for v = 0 and 1 from its boundary; and their places u. By Newton."""
-    inner, v = 0 < v < 1, np.full(u.size, v)
-    for _ in range(6):
-        a, b = boundaries(u, 0)
-        slope_a, slope_b = boundaries(u, 1)
-        miss = points - a - v[:, None] * (b - a)
-        tangents = np.stack([slope_a + v[:, None] * (slope_b - slope_a), b - a][: 1 + inner], axis=2)
-        steps = (np.linalg.pinv(tangents) @ miss[..., None])[..., 0]
-        u = np.clip(u + steps[:, 0], 0, 1)
-        if inner:
-            v = np.clip(v + steps[:, 1], 0, 1)
-    a, b = boundaries(u, 0)
-    return np.linalg.norm(points - a - v[:, None] * (b - a), axis=-1), u
 
 
 def sliding_deviation(spline, patch, t=T[::8]):

@@ -12,8 +12,7 @@ from gtcad.converters.approximation import Bundle
 from gtcad.converters.sliding import certify_slid
 from gtcad.converters.spline_basis import Knots
 from gtcad.patches import Ruled, cone, cylinder
-from tests.converters.test_developable_fit import distances
-from tests.patches.developables import regular_patches
+from tests.patches.developables import distances, regular_patches
 from tests.patches.kinds import OTHER, QUARTER, WAVE
 
 KNOTS = Knots.smooth(np.linspace(0, 1, 49), 5)

@@ -110,3 +110,32 @@ def first_crossing(family: PlaneFamily, bounds: Sequence[Sequence[float]] = (LOW
                 root = mp.findroot(lambda x, bound=bound: stretch(family, bound, x), ends, solver="anderson")
             roots.append(float(root))
     return min(roots, default=None)
+
+
+def at_start(curve: Any) -> list[Any]:
+    """The exact start of a curve of basis functions and Chebyshev series."""
+    values = []
+    for part in getattr(curve.factors, "parts", (curve.factors,)):
+        if isinstance(part, Basis):
+            values += [mp.mpf(1)] + [mp.mpf(0)] * (part.count - 1)
+        else:
+            values += [mp.fsum((-1) ** j * mp.mpf(c) for j, c in enumerate(row)) for row in part.coefficients.tolist()]
+    return [
+        mp.fsum(x * mp.mpf(c) for x, c in zip(values, column, strict=True)) for column in curve.coefficients.T.tolist()
+    ]
+
+
+def distances(points: Any, u: Any, v: float, boundaries: Any) -> tuple[Any, Any]:
+    """Of points from a ruled surface, for v = 0 and 1 from its boundary; and their places u. By Newton."""
+    inner, along = 0 < v < 1, np.full(u.size, v)
+    for _ in range(6):
+        a, b = boundaries(u, 0)
+        slope_a, slope_b = boundaries(u, 1)
+        miss = points - a - along[:, None] * (b - a)
+        tangents = np.stack([slope_a + along[:, None] * (slope_b - slope_a), b - a][: 1 + inner], axis=2)
+        steps = (np.linalg.pinv(tangents) @ miss[..., None])[..., 0]
+        u = np.clip(u + steps[:, 0], 0, 1)
+        if inner:
+            along = np.clip(along + steps[:, 1], 0, 1)
+    a, b = boundaries(u, 0)
+    return np.linalg.norm(points - a - along[:, None] * (b - a), axis=-1), u

@@ -25,7 +25,7 @@ from gtcad.patches import (
 from gtcad.patches._moving_frames import Unresolved
 from tests import reference
 from tests.patches import developables as exact
-from tests.patches.developables import HIGH, LOW, random_family, regular_patches
+from tests.patches.developables import HIGH, LOW, at_start, random_family, regular_patches
 
 PLANES = [(1, 0, 0.2, 0), (0.5, 1, 0.3, 0.6), (-0.5, 1, 0.8, 1), (-1, 0.2, 1, 0.5)]
 KNOWN = PlaneFamily(PLANES, (0.3, -0.2))
@@ -291,19 +291,6 @@ def test_the_definition_error_grows_as_the_patch_does(patch, size):
     image = patch.transformed(size * np.eye(3))
     assert image.definition_error == pytest.approx(size * patch.definition_error, rel=0.5)
     assert developability(image).regular
-
-
-def at_start(curve):
-    """The exact start of a curve of basis functions and Chebyshev series."""
-    values = []
-    for part in getattr(curve.factors, "parts", (curve.factors,)):
-        if isinstance(part, Basis):
-            values += [mp.mpf(1)] + [mp.mpf(0)] * (part.count - 1)
-        else:
-            values += [mp.fsum((-1) ** j * mp.mpf(c) for j, c in enumerate(row)) for row in part.coefficients.tolist()]
-    return [
-        mp.fsum(x * mp.mpf(c) for x, c in zip(values, column, strict=True)) for column in curve.coefficients.T.tolist()
-    ]
 
 
 def test_the_rounding_of_a_placement_is_within_the_definition_error():

@@ -28,8 +28,8 @@ from gtcad.patches import Rotation, Swept
 from gtcad.patches.sweep import Sweep, sweep_parts
 from gtcad.restricted import RestrictedCurve
 from tests import reference
+from tests.patches.developables import at_start
 from tests.patches.kinds import WAVE, line
-from tests.patches.test_developable import at_start
 
 FRAMES = ("rotation-minimising", "frenet", "fixed")
 T = np.linspace(0, 1, 41)
